@@ -220,7 +220,7 @@ def calibrate(
     out: Out = Path("out/calibrate"),
     show_traceback: Traceback = False,
 ) -> None:
-    """Calibrate a sensor from a table; the calibration goes to calibration.json."""
+    """Fit a sensor's calibration to a table of true values and readings; write it to calibration.json."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)

@@ -42,11 +42,16 @@ class Arrival:
 
     @property
     def noise(self) -> float:
-        """Return the standard deviation of the part of the readings that changes from tick to tick, m."""
+        """Return the standard deviation of the sensor's noise, from the change between successive readings,
+        m."""
         return math.sqrt(self._mover.there.noise2)
 
     def remark(self, unit: str) -> str:
-        """Return a sentence that compares the noise with the tolerance, for positions in this unit."""
+        """Return the warning for a noise above a third of the tolerance; the caller checks the noise.
+
+        Args:
+            unit: unit of positions, m or rad.
+        """
         own = self._plan.arrival
         noise, tolerance, doubt = (with_prefix(one, unit) for one in (self.noise, own.tolerance, self.doubt))
         seconds = with_prefix(library().ARRIVAL_BATCHES * own.batch / self._plan.rate, "s")

@@ -71,20 +71,23 @@ class Commanded:
         self._wanted: float | None = None
         self._scan: tuple[float, float, float, int] | None = None  # middle, half range, frequency, ticks
         self._scanned = 0
-        self._letting = -1  # ticks of the ramp to 0 V that are done
-        self._ends = round(_LETTING_GO * rate)
+        self._letting = -1  # ticks of the ramp to 0 V that are done; -1: no ramp was requested
+        self._ends = round(_LETTING_GO * rate)  # ticks of the whole ramp
         self._last = 0.0
         # ticks since the last "jog", and their limit
         self._silent, self._silence = 0, round(HEARTBEAT * rate)
         self._jogs = 0  # direction of the steps while "jog" is repeated; 0 for none
 
     def command(self, do: str, **what: Any) -> None:
-        """Take a command at the next tick.
+        """Execute a command from the next tick on. Positions and ranges are in the unit of the controller.
 
-        "go" has `to`, from home; "steps" a `count`, negative for backward; "scan" a `range`, a `frequency`
-        [Hz] and `cycles`, about the held position, after a step or two if the piezo has no room; "jog" makes
-        steps in one direction `way`, 1 or -1, while it is repeated within `HEARTBEAT`; "halt" ends steps
-        after the present one, and holds; "release" takes the output to 0 V and ends the loop.
+        - "go": move to the position `to`, measured from home.
+        - "steps": make `count` steps, backward if negative.
+        - "scan": scan the `range` about the held position, `cycles` times, at a `frequency` [Hz]. If the
+          piezo has too little room, a step or two come first.
+        - "jog": make steps in the direction `way`, 1 or -1, while "jog" is repeated within `HEARTBEAT`.
+        - "halt": end steps after the present one, and hold the position.
+        - "release": ramp the output to 0 V, and end the loop.
 
         Raises:
             QuantityError: the command is unknown, or impossible from the present position.

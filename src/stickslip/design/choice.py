@@ -27,7 +27,7 @@ class PlanGoal(NamedTuple):
 
     Attributes:
         name: the goal in words.
-        own: coordinates of the actuator.
+        own: mask [k] of the coordinates that belong to the actuator.
         gradients: derivatives of the goal quantity by the coordinates [draws, k]; None: all parameters
             together (D-optimal).
     """
@@ -38,11 +38,14 @@ class PlanGoal(NamedTuple):
 
 
 def criterion(of: Seen, goal: PlanGoal) -> Array:
-    """Return the logarithm of the expected standard error of the goal [...]; the first axis is that of the
-    draws.
+    """Return the logarithm of the expected standard error of the goal, shape [draws, ...].
 
-    For all parameters together it is the logarithm of the geometric mean of their errors, including
-    correlations. It is infinite if the recordings do not identify the goal.
+    The logarithm is infinite if the recordings do not identify the goal.
+
+    Args:
+        of: information in the recordings, with arrays [draws, ..., k, k] for k coordinates.
+        goal: the quantity. For all parameters together, the error is the geometric mean of the errors,
+            including correlations.
     """
     spread = covariance(of)
     if goal.gradients is None:
@@ -61,8 +64,10 @@ def criterion(of: Seen, goal: PlanGoal) -> Array:
 
 
 def score(of: Seen, goal: PlanGoal, over: Over) -> Array:
-    """Return the number that a choice minimises: the `criterion` at equal time, over the draws [draws,
-    ...]."""
+    """Return the number that a choice minimises: the worst or mean `criterion` over the draws.
+
+    The criterion is corrected for the duration, so that sets of recordings are compared at equal time.
+    """
     found = criterion(of, goal) + 0.5 * np.log(of.duration)
     # If no set identifies the goal, choose the set with the fewest unidentified parameter combinations.
     lost = np.isinf(found)
@@ -77,8 +82,8 @@ def chosen(of: Seen, goal: PlanGoal, over: Over, count: int) -> list[int]:
     Its first one, two, ... candidates are good sets too.
     """
     alone = criterion(of, goal) + 0.5 * np.log(of.duration)
-    # If draws need different recordings, the search seldom gets from those of one draw to those of another.
-    # And the most informative single recording is seldom in the best set of several for one parameter.
+    # If draws need different recordings, the search seldom gets from the best set for one draw to the best
+    # set for another. And the most informative recording is seldom in the best set for one parameter.
     best = np.argsort(score(of, goal, over), kind="stable")[:MOST_BEGINS]
     begins = dict.fromkeys([*best.tolist(), *np.argmin(alone, axis=1).tolist()])
     found = [_exchanged(of, goal, over, _added(of, goal, over, [first], count)) for first in begins]
@@ -130,7 +135,7 @@ def _of(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> float:
 
 
 def _best(of: Seen, goal: PlanGoal, over: Over, beside: Sequence[int]) -> int:
-    """Return the candidate that is the best addition to some; of equal ones, the first."""
+    """Return the candidate that adds most to the candidates `beside`; the first of equal ones."""
     if not beside:
         return int(np.argmin(score(of, goal, over)))
     have = together(of, beside)

@@ -81,7 +81,8 @@ class Seen(NamedTuple):
         )
 
     def at(self, index: int | slice | tuple[slice, int]) -> Seen:
-        """Return the information of selected recordings."""
+        """Return the information of the recordings that an index selects along the leading axes of the
+        arrays."""
         return Seen(*(one[index] for one in self))
 
 

@@ -10,11 +10,12 @@ from .parameter import Parameter
 
 
 def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
-    """Return the interval of parameter p (number i) about a minimum: t standard errors on either side, cut at
-    its limits.
+    """Return the interval of parameter p (number i) about a minimum: t standard errors on either side of the
+    estimate `value`.
 
-    Ends of a mere search range do not cut it. If the estimate is closer to zero than the shift of its
-    logarithm, the interval is symmetric, because the logarithm is then not meaningful.
+    The parameter's limits cut the interval; the ends of the search range do not. If the estimate is closer to
+    zero than the shift of its logarithm, the interval is symmetric, because the logarithm is then not
+    meaningful.
     """
     spread, bounded, push, released, centre = uncertain
     slope = p.slope(value)
@@ -33,8 +34,8 @@ def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: floa
     q = p.coordinate(value) if centre is None else float(centre[i])
     low, high = max(p.value(q - below), p.least), min(p.value(q + above), p.most)
     if p.limits is not None:
-        # For such a wide linearised interval, or at an active end of the search range, the data give no
-        # bound.
+        # The data do not bound the parameter on a side where the linearised interval is too wide, or where
+        # the estimate is at the end of the search range. The interval then extends to the limit.
         wide = high >= DEFAULT.wide_ratio * low if p.log else high - low >= p.upper - p.lower
         low = p.least if bounded[i] < 0 or (wide and low < p.lower) else low
         high = p.most if bounded[i] > 0 or (wide and high > p.upper) else high

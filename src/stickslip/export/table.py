@@ -16,8 +16,8 @@ from ..waveform.signal import Waveform
 
 _MOST_STEPS = 20_000_000
 _MOST_LINES = 20_000
-# Steps: longest line that is searched from many starts at once, number of values in those arrays, and longest
-# part of longer lines.
+# Numbers of steps: longest line that is searched from many starts at once; largest size of the arrays in this
+# search; longest part of the search for a longer line.
 _SHORT, _AT_ONCE, _LONG = 64, 4096, 65536
 
 
@@ -108,15 +108,21 @@ class _Steps(NamedTuple):
 
 
 def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[TableLine]:
-    """Return few lines by a greedy search, each as long as possible; stops above `_MOST_LINES`."""
+    """Return few lines by a greedy search: each is as long as the tolerance allows. The search stops above
+    `_MOST_LINES` lines.
+
+    Args:
+        begin: value at the start of each step.
+        end: value at the end of each step.
+        tolerance: largest error of a line, in the unit of the values.
+    """
     then = np.append(begin[1:], end[-1])
     steps = _Steps(begin, end, np.maximum(end, then), np.minimum(end, then))
     made: list[TableLine] = []
     first = 0
-    likely, ahead = (
-        8,
-        16,
-    )  # added to the length of the next line, and number of starts tried, from the previous lines
+    # Guesses from the previous lines: how many steps are searched for the end of the next line, and from how
+    # many consecutive starts at once.
+    likely, ahead = 8, 16
 
     def add(length: int) -> None:
         nonlocal first
@@ -137,7 +143,8 @@ def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[Tab
 
 
 def _short(steps: _Steps, first: int, starts: int, most: int, tolerance: float) -> list[int]:
-    """Return the possible length of a line from each of some consecutive steps; 0 if it may exceed `most`."""
+    """Return the largest length of a line from each of `starts` consecutive steps, the first of which is
+    `first`; 0 if the length may exceed `most`."""
     end, over, under = (sliding_window_view(part, most)[first : first + starts] for part in steps[1:])
     low, high = np.full(starts, -np.inf), np.full(starts, np.inf)
     begin = steps.begin[first : first + starts, None]
@@ -146,8 +153,8 @@ def _short(steps: _Steps, first: int, starts: int, most: int, tolerance: float) 
 
 
 def _longest(steps: _Steps, first: int, likely: int, tolerance: float) -> int:
-    """Return the possible length of a line from one step on; searched in parts, the first as long as
-    `likely`."""
+    """Return the largest length of a line from the step `first` on. The steps are searched in parts; the
+    first part has `likely` steps."""
     length, done, part = 1, 0, max(likely, _SHORT)
     low, high = np.float64(-np.inf), np.float64(np.inf)
     while low <= high and first + done < steps.begin.size:

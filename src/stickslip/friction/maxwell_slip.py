@@ -27,12 +27,13 @@ from .stribeck import stribeck_curve
 
 # An element at its limit slides, even if rounding puts it just below.
 ON_LIMIT = 1.0 - 1e-12
-# Branches of an element: its spring deflects; it slides while its strength rises, which the spring follows;
-# it slides, and its force falls to a decreasing strength.
+# Branches of an element. STICKS: its spring deflects. FOLLOWS: it slides, its strength rises, and the spring
+# follows the strength. DRAWN: it slides, and its force falls to a strength that decreases.
 STICKS, FOLLOWS, DRAWN = 0, 1, 2
-# Largest relative deflection by which the spring may lag behind a rising strength.
+# Share of its deflection by which a spring that follows a rising strength lags behind it. Branches change at
+# multiples of this share.
 LAG = 1e-8
-# The same within a step, which is not cut if its end corrects the lag.
+# Largest such lag within an integration step. The step is not cut below it, because its end corrects the lag.
 STRAYS = 1e-3
 
 

@@ -128,8 +128,10 @@ def _typical(law: Any, unit: str) -> float:
 
 
 def check_motion(model: Any, unit: str) -> None:
-    """Raise QuantityError if the model is rotary and the recorded position is a length, or the reverse, or if
-    a rotary model is on a slope."""
+    """Raise QuantityError if a model does not suit the unit of the recorded position, "rad" or a length.
+
+    A rotary model needs positions in rad. A model on a slope cannot have positions in rad.
+    """
     if getattr(model, "rotary", False) and unit != "rad":
         raise QuantityError(f"the actuator turns (rotary = true), but the position is in {unit or 'm'}")
     if unit == "rad" and getattr(model, "incline", 0.0):

@@ -41,7 +41,7 @@ def scale_uncertainty(recordings: Sequence[xr.Dataset], name: str) -> float:
 
 
 def cause_of(name: str) -> str:
-    """Return the words for an error of a channel's scale, for reports."""
+    """Return the words that name a channel's scale as a source of error in reports: "the scale of NAME"."""
     return f"the scale of {name}"
 
 
@@ -51,8 +51,11 @@ def model_values(fit: Fit) -> Array:
 
 
 class ByKnown(NamedTuple):
-    """Derivatives of all residuals of a fit, joined: by the logarithm of the scale of each channel that the
-    model takes as known (`inputs`), and by the coordinates of values from an earlier fit."""
+    """Derivatives of the residuals of a fit, joined over its recordings.
+
+    Fields: `inputs`, by the logarithm of the scale of each channel that the model takes as known; `by_stage`,
+    by the coordinates of values from an earlier fit.
+    """
 
     inputs: Mapping[str, Array]
     by_stage: Mapping[str, Array] = MappingProxyType({})

@@ -121,7 +121,10 @@ class TypedValue(LoadedActuator):
     value: Value
 
     def check(self, sets: Sets) -> None:
-        """Raise QuantityError if the typed value is wrong for its field."""
+        """Raise QuantityError if the value is out of range for its field, or if there is no such field.
+
+        `sets` are the parameter sets on offer; one of them is the base of the page's actuator.
+        """
         model = self.actuator(sets)
         if self.name not in _FIELDS:
             raise QuantityError(f"there is no field {self.name!r:.40}; there are {', '.join(_FIELDS)}")

@@ -97,7 +97,9 @@ class Folder:
         return not Path(os.path.realpath(path)).is_relative_to(self.root)
 
     def _walk(self, inside: str) -> Iterator[tuple[str, bool]]:
-        if len(inside) > LONGEST_NAME:  # names this long are refused
+        """Yield the name of each file below a folder ("" or a path that ends with a slash), and True for a
+        link."""
+        if len(inside) > LONGEST_NAME:  # `path` refuses all names below this folder
             return
         with suppress(OSError):
             content = self._content(inside)

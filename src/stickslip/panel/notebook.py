@@ -73,9 +73,8 @@ def plot_widget(
     Args:
         recording: over "time"; from `simulate`, `read_recording` or a rig.
         channels: channels to draw; channels of one unit share an axis. Default: all positions, elongations
-            and
-            voltages, or all channels if it has no such channel.
-        height: of the plot, in pixels.
+            and voltages, or all channels if it has no such channel.
+        height: height of the plot, in pixels.
 
     Raises:
         RecordingError: it is not a recording, or has no such channel.

@@ -1,7 +1,8 @@
 """Roles of tokens. Each role may also do what the roles before it may do.
 
-watch       see everything, stop the rig, disarm it, withdraw a permit operate     control the rig, and write
-into the folder maintain    change limits, and choose the rig
+- watch: see everything, stop the rig, disarm it, withdraw a permit
+- operate: control the rig, and write into the folder
+- maintain: change limits, and choose the rig
 """
 
 from __future__ import annotations

@@ -10,18 +10,17 @@ _KEPT = 8  # number of answers to different questions that are kept
 
 
 class Shared:
-    """Cache that computes one answer at a time. Callers that waited share an answer that was started after
-    they asked.
+    """Cache that computes one answer at a time. A caller that had to wait gets the answer of another caller
+    if its computation started after the request.
 
     Many pages ask at the same time, and many threads that scan a folder would block all other requests.
     """
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
-        self._begun = 0  # number of answers so far
-        self._answers: dict[
-            Hashable, tuple[int, Any]
-        ] = {}  # by question: the number of the answer, and the answer
+        self._begun = 0  # number of computations started so far, for all questions
+        # by question: the number of the computation, and its answer
+        self._answers: dict[Hashable, tuple[int, Any]] = {}
 
     def __call__(self, question: Hashable, make: Callable[[], Any]) -> Any:
         """Return the answer to a question (any key), computed by the function `make` or shared with other

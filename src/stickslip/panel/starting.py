@@ -173,7 +173,10 @@ def _recordings(content: dict[str, Any]) -> int:
 
 
 def new_folder(folder: Folder, slug: str) -> Path:
-    """Create a new folder, even if several runs start within the same second."""
+    """Create the folder "recordings/DATE_TIME_SLUG" for a run, and return its path.
+
+    A number is appended if several runs start within the same second.
+    """
     stamp = datetime.now().strftime("%Y-%m-%d_%H%M%S")
     for number in itertools.count(1):
         made = folder.path(f"recordings/{stamp}_{slug}" + (f"_{number}" if number > 1 else ""))

@@ -1,4 +1,4 @@
-"""Trigger of the recording of a live run."""
+"""Search for the sample that triggers the recording of a live run, while the run continues."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class TriggerSeeker:
         self._open = False
 
     def begin(self, before: int) -> None:
-        """Start a run whose drive starts after `before` samples."""
+        """Start the search in a new run, whose drive starts after `before` samples."""
         self._seen, self._before = np.zeros(0), before
         self._passed = 0
         self._open = self._trigger is not None

@@ -1,18 +1,18 @@
-"""A flag that this program is driving a rig, so that others do not interrupt it."""
+"""Flag that says that this program drives a rig, so that other parts of it do not interrupt the run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_HOLDERS: list[object] = []
+_HOLDERS: list[object] = []  # one object for each active context of `driving`
 
 
 @contextmanager
 def driving() -> Iterator[None]:
-    """Set the flag while the context lasts: a rig may be driven and recorded from."""
+    """Set the flag within the context, in which a rig may be driven and recorded from."""
     holder = object()
-    _HOLDERS.append(holder)  # contexts can be nested, and in several threads
+    _HOLDERS.append(holder)  # a list, because contexts can be nested or in several threads
     try:
         yield
     finally:

@@ -64,7 +64,8 @@ class WatchedRig:
 
     @property
     def guard(self) -> Callable[[Limits, PositionInput | None, int, Path | None], None] | None:
-        """Return `guard` of the wrapped rig if another process supervises it; None for others."""
+        """Return the wrapped rig's method that sets the limits for the process that supervises it; None if
+        no other process does."""
         return getattr(self._rig, "guard", None)
 
     def told(self, runs: int) -> dict[str, str]:

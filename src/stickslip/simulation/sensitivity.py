@@ -52,9 +52,9 @@ INITIAL = {  # parts of the initial state, with units
     "initial_end_effector_velocity": "m/s",
     "initial_bristle_deflection": "m",
 }
-BY_ROW = "initial row "  # any row of the initial state, for use in this module
-# Derivatives are accepted if a tenth of the tolerance changes them by less than this share of the largest;
-# and number of attempts.
+BY_ROW = "initial row "  # prefix of a row's number: the initial value of any state; internal
+# Derivatives are accepted if they change by less than the share SETTLED of the largest one at a tenth of the
+# tolerance; REFINED is the number of attempts.
 SETTLED, REFINED = 0.01, 4
 # Smallest change of a damping (which may be 0), relative to mass times natural frequency.
 LEAST_DAMPING = 1e-3
@@ -82,7 +82,7 @@ class NeighbouringModels(NamedTuple):
 
 
 def initial_row(of: System, name: str) -> int | None:
-    """Return the row of a part of the initial state in the plant's state, or None."""
+    """Return the row of the plant's state that a name of an initial value means; None for others."""
     if name.startswith(BY_ROW):
         return int(name.removeprefix(BY_ROW))
     return row_of(of, name.removeprefix("initial_")) if name in INITIAL else None

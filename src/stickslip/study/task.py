@@ -1,4 +1,4 @@
-"""Tasks of a study: some members, computed and written. What a worker needs for them, wherever it is."""
+"""Tasks of a study, each of which computes and writes some members; and the data that a worker needs."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ class Done(NamedTuple):
 class Load(NamedTuple):
     """Data given to a worker once.
 
-    The study, pickled; the user's own files that it needs; the store; the version and identity that the
-    worker must share; the folders of the user's modules.
+    Fields: `study`, pickled; `files`, name and content of the user's own files that it needs; `store`, the
+    path of the store; `version` of the package and `identity` of the study, which must be the same on the
+    worker; `folders` of the user's modules.
     """
 
     study: bytes
@@ -41,7 +42,7 @@ class Load(NamedTuple):
 
 
 def load_of(study: Study, store: Store, folders: Sequence[str] = ()) -> Load:
-    """Return what a worker needs for a study; raises StudyError if the study cannot be sent."""
+    """Return the data for a worker; raises StudyError if the study cannot be sent."""
     functions = [study.summary, getattr(study.measure, "function", None)]
     own = [one.path for one in functions if isinstance(one, OwnFunction)]
     files = files_of([*own, *law_files(getattr(study.measure, "model", None))])
@@ -76,11 +77,19 @@ def received(load: Load) -> tuple[Study, Store]:
 
 
 def run_task(study: Study, store: Store, number: int) -> Done:
-    """Compute a task and write it.
+    """Compute the members of a task, and write their results into the store.
+
+    Args:
+        study: the study.
+        store: store of the study.
+        number: number of the task; each task is a block of members.
+
+    Returns:
+        A report of the finished task.
 
     Raises:
-        StudyError: there is no room.
-        Exception: what a function of the user's own raises.
+        StudyError: the disk is full, or the task has too many members for the store.
+        Exception: any error of the user's own function.
     """
     begun, place = time.perf_counter(), store.layout.place(number)
     found = study.computed(study.columns(place))

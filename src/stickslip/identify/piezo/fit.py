@@ -54,10 +54,8 @@ NOT_LATE = Lateness(
 # Largest residuals of an explained recording: relative to its white noise, and to the standard deviation of
 # its positions. A straight line leaves 10 to 15 % of the latter, fits of measured stacks 1 %.
 MANY, TOO_LITTLE = 3.0, 0.05
-# Smallest relative reduction of the held-out residual by a lag that no edge of the drive shows.
-LATE = 0.1
-# Smallest change of the drive from its first value that is a motion, relative to its range.
-MOVED = 0.01
+LATE = 0.1  # smallest relative reduction of the held-out residual by a lag that no edge of the drive shows
+MOVED = 0.01  # smallest change of the drive from its first value that is a motion, relative to its range
 # Difference step for delay and lag, in sampling intervals; number of cached delay-lag pairs.
 DIFFERENCE, KEPT = 0.02, 4
 SKEWED = 1e-4  # difference step of the skew, relative to the range of the drive
@@ -83,24 +81,26 @@ def identify_piezo(
     .. math:: y = y_0 + S + g\,L[S], \qquad
               S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
-    The recorded displacement must be the piezo's: without contact, slower than the stage's resonance.
-    Thresholds are spread evenly over half the range of the drive: wider plays are not determined. Creep is
-    logarithmic from 0.1 s to the length of the recordings, or to ten times that if it fits better.
-    Cross-validation chooses the number of plays, the square B(u) and creep: the smallest model that predicts
-    held-out parts about as well as the best one. If that leaves more than noise, it may add the skew a, which
-    widens loops at one end. Delay and lag come from edges of the drive, if they explain more; without edges a
-    lag must predict clearly better. A recording starts after a rest or in motion, whichever fits better.
+    u is the voltage at the piezo, P are play operators, B is the square of the voltage above its least value,
+    and L is logarithmic creep of one per decade. The displacement must be the piezo's alone: without contact,
+    slower than the stage's resonance. Thresholds are spread evenly over half the range of the drive, because
+    wider plays are not identifiable. Creep lasts from 0.1 s to the length of the recordings, or ten times as
+    long if that fits better. Cross-validation chooses the number of plays, B and L: the smallest model that
+    predicts held-out parts about as well as the best one. If its residuals exceed the noise, the skew a may
+    be added, which widens loops at one end. Delay and lag come from edges of the drive if they reduce the
+    residual. Without edges, a lag is added if it predicts held-out parts clearly better. Each recording
+    starts after a rest or in motion, whichever fits better.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
         model: actuator for gain and piezo.
-        operators: number of plays; by default chosen.
-        asymmetric: include B(u), and possibly a; by default chosen.
-        creep: include creep; by default chosen.
+        operators: number of plays; by default chosen by cross-validation.
+        asymmetric: include B(u), and possibly a; by default chosen by cross-validation.
+        creep: include creep; by default chosen by cross-validation.
         time_constants: of the creep, s, with equal shares; by default two per decade from 0.1 s on.
         delay: delay of the voltage at the piezo, s; by default from edges.
         lag: time constant of amplifier, capacitance and sensor, s; by default from edges.
-        rest_voltage: V before, reached from 0 V; by default estimated from the first position.
+        rest_voltage: voltage before each recording, V, reached from 0 V; by default estimated.
         observed: name of the position channel.
 
     Returns:

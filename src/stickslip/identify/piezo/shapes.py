@@ -17,7 +17,7 @@ from .columns import Columns, DelayAndLag, Observed, PlayGrid, columns
 from .linear import Solution, residuals, solved
 from .timing import Lateness, lateness
 
-FIRST_PLAYS = 8  # number of plays of the model that gives the first rest, delay, lag and skew
+FIRST_PLAYS = 8  # plays of the model for initial guesses of rest voltage, delay, lag and skew
 # Largest ratio of the slopes of the plays' input at the two ends of its range.
 STEEPEST = 2.5
 # Longest lag, relative to the shortest mean time between reversals.
@@ -27,16 +27,24 @@ LONGEST = 0.1
 def first_model(
     seen: Sequence[Observed], timing: DelayAndLag, skew: float = 0.0
 ) -> tuple[PlayGrid, list[Columns], Solution]:
-    """Fit a model of plays and square, without creep, at this delay and lag; return its grid, columns and
-    solution."""
+    """Fit a model of `FIRST_PLAYS` plays and the squared voltage, without creep, by least squares.
+
+    Args:
+        seen: the recordings.
+        timing: delay and lag of the voltage at the piezo, fixed.
+        skew: skew of the plays' input, 1/V, fixed.
+
+    Returns:
+        The grid of thresholds and zones, the columns of each recording, and their coefficients.
+    """
     grid = PlayGrid.over(*range_of(seen), FIRST_PLAYS, True, 0.0, skew)
     parts = [columns(one, timing, grid) for one in seen]
     return grid, parts, solved(parts, [one.position for one in seen], grid)
 
 
 def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape:
-    """Return the shape with the skew that fits best, and the delay and lag that belong to it unless these are
-    `fixed`."""
+    """Return the shape with the skew that fits best. Unless `fixed`, delay and lag are found again for this
+    skew."""
     low, high = range_of(seen)
     positions = [one.position for one in seen]
 

@@ -2,9 +2,9 @@ r"""Joint fit of friction and stage: the fit of walks with the stage's values fr
 responses, and with drift of the sensor as noise.
 
 A fit with a fixed stage is wrong if the stage is wrong, and linearisation does not correct it: an error of
-the mode by a few percent can make another minimum the lowest. So can drift, which least squares for white
-noise follow. Here the coordinates q of the stage's values have the normal distribution of their own fit, and
-the fit minimises
+the mode by a few percent can make another minimum the lowest. Drift can do the same, because least squares
+for white noise follow it. Here the coordinates q of the stage's values have the normal distribution of their
+own fit, and the fit minimises
 
 .. math:: r^T \Sigma^{-1} r + (q - q_0)^T V^{-1} (q - q_0), \qquad \Sigma = \sigma^2 \, (1 + \rho L L^T)
 
@@ -12,10 +12,10 @@ with residuals r, white noise and a random walk (L sums over time), both estimat
 that clock jitter affects have less weight. The covariance of the estimate allows for further memory of the
 noise, as in fits of steps and of walks alone (see `coloured`).
 
-There are many minima. The vibration of the contact between jumps is nearly the same at other stiffnesses, and
-if it is hardly damped, one of these can explain noise better than the true value, like the highest of many
-lines of a periodogram. So searches start at several stiffnesses, and the intervals include every minimum that
-the noise does not reject.
+There are many minima. The vibration of the contact between jumps is nearly the same at other stiffnesses. If
+it is hardly damped, one of these stiffnesses can explain noise better than the true value, like the highest
+of many lines of a periodogram. Therefore searches start at several stiffnesses, and the intervals include
+every minimum that the noise does not reject.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def _spread(near: Values) -> list[Values]:
 
 
 class _Known(NamedTuple):
-    """Prior of a stage: its parameters, their fit, and their indices in it."""
+    """Prior of a stage. Fields: its parameters, the fit that gave them, and their indices in that fit."""
 
     own: list[Parameter]
     fit: Fit
@@ -168,12 +168,15 @@ class _Known(NamedTuple):
 
     @property
     def root(self) -> Array:
-        """Return the matrix A; deviations q - q_0 add |A (q - q_0)|^2 to the sum of squares."""
+        """Return the upper triangular root A, shape [k, k], of the prior's inverse covariance: V^-1 = A^T A.
+
+        A deviation q - q_0 of the stage's k coordinates adds |A (q - q_0)|^2 to the sum of squares.
+        """
         covariance = self.fit.uncertainty.covariance[np.ix_(self.places, self.places)]
         return np.asarray(np.linalg.cholesky(np.linalg.inv(covariance)).T, dtype=np.float64)
 
     def parameters(self) -> list[Parameter]:
-        """Return the stage's parameters as free ones, within a likely range."""
+        """Return the stage's parameters as free ones, within `WIDE` standard deviations of the prior."""
         made = []
         for p, place in zip(self.own, self.places, strict=True):
             q = p.coordinate(self.fit.values[p.name])

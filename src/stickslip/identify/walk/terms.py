@@ -42,17 +42,23 @@ Array = NDArray[np.float64]
 
 
 class Way(NamedTuple):
-    """One variant of a missing term. Fields: values of the models `beside`, each with a small step along one
-    of its numbers; `start`, a function from the number of these steps that explain the residuals to initial
-    values of a search."""
+    """One variant of a missing term.
+
+    Fields: `beside`, values of neighbouring models, each with a small step in one number of the term;
+    `start`, a function that returns the initial guess of a search. It takes the numbers of these steps that
+    explain the residuals.
+    """
 
     beside: tuple[Values, ...]
     start: Callable[[Array], Values]
 
 
 class Term(NamedTuple):
-    """A missing term: its `cause` in words, the parameters that it frees, the bounds of those that need some,
-    and its variants."""
+    """A term that the model may lack.
+
+    Fields: its `cause` in words; `names` of the parameters that it frees; `ways`, its variants; `bounds` by
+    name, which are otherwise set about the initial guess; `untied`, names of parameters that it unties.
+    """
 
     cause: str
     names: tuple[str, ...]

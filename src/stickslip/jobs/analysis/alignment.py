@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 POSITION = "end_effector_position"
-# Kept after the drive for the residual vibration, as a fraction of the drive's duration.
+# Time kept after the drive, for the residual vibration, as a fraction of the drive's duration.
 AFTER = 0.05
 # Deviation of drive_voltage from its first sample that counts as the start, as a fraction of its range.
 BEGUN = 0.02
-# Standard errors of the slope for a significant drift; its total over the noise must be as large.
+# Smallest ratio of a drift's slope to its standard error, and of its total to the noise, for a correction.
 SURELY = 5.0
 # Smallest allowed ratio of the ranges of channel and waveform, either way.
 ALIKE = 0.5
@@ -66,19 +66,25 @@ def aligned(
     scale: float = 1.0,
     begin: float | None = None,
 ) -> Aligned:
-    """Cut samples more than `AFTER` behind the drive, subtract the bias, and shift the drive to its start.
+    """Align a recording with its drive, and subtract the bias: the mean position before the drive.
+
+    With a waveform, samples later than `AFTER` after its end are cut, and the time then starts at 0.
 
     Args:
         whole: with end_effector_position [m], and drive_voltage [V] unless drive and begin are given.
-        drive: the waveform, from its own start; None: the channel drive_voltage is the drive.
+        drive: the waveform, whose time 0 is its own start; None: the channel drive_voltage is the drive.
         name: name of the recording.
         slew_rate: slew rate of the amplifier, V/s.
-        scale: the position is divided by it.
-        begin: start of the drive, s; by default where the channel matches it best.
+        scale: factor by which the position is divided.
+        begin: start of the drive in the time of `whole`, s; by default the time at which drive_voltage
+            matches the waveform best or, without a waveform, first changes.
+
+    Returns:
+        The recording and its drive.
 
     Raises:
-        RecordingError: a channel is missing, empty, constant, clipped, too short, too coarsely sampled, or of
-            another drive.
+        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled, or
+            its drive is not the given one.
     """
     position = channel(whole, POSITION, name, varies=True) / scale
     refuse_clipped(position, POSITION, name)

@@ -29,7 +29,13 @@ def stage_words(file: CampaignFile, found: CampaignResult) -> str:
 
 
 def _without_steps(found: CampaignResult, rest: list[str], what: str) -> list[str]:
-    """Describe the values that neither steps nor the fit have identified."""
+    """Return sentences on the origin of the stage's values if the campaign has no recordings of steps.
+
+    Args:
+        found: result of the campaign.
+        rest: names of the stage's values that the friction fit does not identify.
+        what: words for these values, the subject of the sentences.
+    """
     said = []
     if found.hysteresis is not None and "gain" in rest:
         rest, what = [name for name in rest if name != "gain"], "What is left of it"
@@ -52,7 +58,10 @@ def stage_heading(file: CampaignFile, found: CampaignResult, source: str) -> str
 
 
 def band_words(file: CampaignFile, found: CampaignResult, *, drawn: bool) -> str:
-    """Return the errors that the bands of a figure contain; `drawn`: more than the fit's noise."""
+    """Return the sources of error that the bands of a figure contain, in words.
+
+    `drawn` is True if the bands contain more than the fit's noise.
+    """
     if not drawn:
         return "the fit's noise alone; this law has no derivatives, which the errors of parameters need"
     rest = [name for name in STAGE_PARAMETERS if name not in _asked_for(file)]

@@ -36,7 +36,7 @@ def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str
     position, friction = (recording[name].values for name in _CONTACT)
     force = 0.5 * float(np.ptp(friction)) or 1.0
     stiffness = force / (_YIELDS * float(np.ptp(position)) or 1.0)
-    turns = recording["position"].attrs["units"] == "rad"  # numbers without a unit are then in N m
+    turns = recording["position"].attrs["units"] == "rad"  # the file then has no units: N m, N m/rad
     units = ("", "") if turns else ("N", "N/m")
     values = {"force": force, "half": 0.5 * force}, {"stiffness": stiffness, "stiffer": 1.5 * stiffness}
     starts = {
@@ -83,8 +83,8 @@ def _round_between(time: Array) -> float:
 
 
 def _against(position: Array, friction: Array) -> bool:
-    """Return True if the force [N] does positive work along the position [m], because it is the force on the
-    other body."""
+    """Return True if the force [N] does negative work along the position [m]. It is then the force on the
+    other body, and its sign is wrong."""
     force = friction - np.mean(friction)
     return float(np.sum(np.diff(position) * (force[1:] + force[:-1]))) < 0.0
 
