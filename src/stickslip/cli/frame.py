@@ -139,10 +139,10 @@ def only_reading(show_traceback: bool) -> Iterator[None]:
 
 
 def _reader_is_gone() -> bool:
-    """Return True if the reader of the printed output is gone; otherwise a broken pipe belongs to something
-    else, such as a rig."""
+    """Return True if the reader of the printed output is gone. Otherwise a broken pipe has another cause,
+    such as a rig."""
     try:
-        print(flush=True)  # a flush alone writes nothing if Python does not buffer
+        print(flush=True)  # a newline: a flush alone would test nothing if the output is unbuffered
     except BrokenPipeError:
         return True
     return False

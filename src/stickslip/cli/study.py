@@ -53,7 +53,7 @@ def run(
     changes: Changes = [],  # noqa: B006
     show_traceback: Traceback = False,
 ) -> None:
-    """Run a study, or go on with it where it ended: the same command, whatever ended it."""
+    """Run a study. After an interruption, the same command resumes it."""
     with errors_in_one_line(show_traceback, CONTINUES):
         from ..jobs.analysis.study import study_of_file
         from ..study import estimate_study, run_study
@@ -123,7 +123,7 @@ def _lines(state: StudyState) -> list[str]:
 
 @study.command()
 def stop(store: StoreFolder, show_traceback: Traceback = False) -> None:
-    """Ask all that work on a study, on whatever machine, to end; the command that runs it goes on with it."""
+    """Stop all processes that work on a study, on any machine. The command that ran the study resumes it."""
     with errors_in_one_line(show_traceback):
         from ..study import stop_study
 
@@ -163,7 +163,7 @@ def merge(
     into: Annotated[Path, typer.Option(metavar="DIR", help="Store of all of them; may be one of them.")],
     show_traceback: Traceback = False,
 ) -> None:
-    """Put the shards of a study together that were computed into stores of their own."""
+    """Merge shards of a study that were computed in separate stores into one store."""
     with errors_in_one_line(show_traceback, CONTINUES):
         from ..study import merge_studies
 
@@ -180,7 +180,7 @@ def export(
     ],
     show_traceback: Traceback = False,
 ) -> None:
-    """Write the results so far as NetCDF, Parquet or CSV."""
+    """Write the results computed so far as NetCDF, Parquet or CSV."""
     with errors_in_one_line(show_traceback):
         from ..study import export_study
 

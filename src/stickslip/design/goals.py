@@ -41,8 +41,8 @@ class Goal(Protocol):
 
 @record
 class Speed(NamedTuple):
-    """Goal: largest mean velocity of the end-effector, m/s, towards +x, or with `direction` -1 towards -x,
-    where it is negative."""
+    """Goal: largest mean velocity of the end-effector, m/s, towards +x. With `direction` -1, towards -x,
+    where the velocity is negative."""
 
     direction: Annotated[float, Quantity("", "", "+1 or -1", minimum=-1, maximum=1)] = 1.0
 
@@ -115,7 +115,7 @@ class Ripple(NamedTuple):
 
 
 class BackwardRate(NamedTuple):
-    """Goal: smallest backward rate, the farthest way back over the way forward in a period."""
+    """Goal: smallest backward rate: largest backward motion in a period over the forward motion."""
 
     label, unit, sign, moves, extras = "backward rate", "", -1.0, True, ("backward_rate",)
 
@@ -124,7 +124,7 @@ class BackwardRate(NamedTuple):
 
 
 NAMED: dict[str, Any] = {"speed": Speed(), "ripple": Ripple(), "backward_rate": BackwardRate()}
-# Goals with their own numbers.
+# Goals that need arguments: the name, and the call in which the user gives the arguments.
 OTHERS = {
     "step": "StepSize(size)",
     "current": "Current(capacitance)",
@@ -145,9 +145,9 @@ def direction_of(goal: Any) -> float:
 
 
 def swings_of(goal: Any) -> tuple[float, ...]:
-    """Return the shares of the voltage range at which a search for a sawtooth starts.
+    """Return the amplitudes at which a search for a sawtooth starts, as shares of the voltage range.
 
-    For goals to be maximised it is the whole range.
+    For the speed, this is only the whole range.
     """
     return getattr(goal, "swings", (1.0, 0.5, 0.25))
 

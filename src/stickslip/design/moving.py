@@ -26,10 +26,10 @@ REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
 
 
 class PeriodicMotions(NamedTuple):
-    """Motion under drives and conditions [n, conditions].
+    """Periodic motion of each drive under each condition: arrays of shape (n, conditions).
 
-    Net step, m; if requested, ripple, m, and backward rate (see `design.motion`). NaN without a periodic
-    motion.
+    `steps` are net steps, m. `ripple`, m, and `backward_rate` are computed if requested (see
+    `design.motion`). Values that are not requested, or without a periodic motion, are NaN.
     """
 
     steps: Array
@@ -49,8 +49,18 @@ def moved(
     own: Mapping[str, Array] | None = None,
     extras: tuple[str, ...] = (),
 ) -> PeriodicMotions:
-    """Return the periodic motion under polygons and conditions [conditions]; `own` are values that differ
-    from polygon to polygon [n, conditions]."""
+    """Return the periodic motion of each drive under each condition, shape (n, conditions).
+
+    The tolerance is that of the search.
+
+    Args:
+        model: the actuator.
+        shapes: n drives, each a polygon.
+        columns: parameters of the conditions by name, arrays [conditions], the same for all drives.
+        threads: number of threads; None: all processors.
+        own: parameters that differ between drives, by name, arrays [n, conditions].
+        extras: names of the requested results besides the net step: "ripple", "backward_rate".
+    """
     n, own = len(shapes.period), own or {}
     conditions = max([1, *(c.size for c in columns.values()), *(c.shape[1] for c in own.values())])
     each = np.repeat(np.arange(n), conditions)
@@ -96,8 +106,19 @@ def _solved(
     threads: int | None,
     extras: tuple[str, ...],
 ) -> PeriodicMotions:
-    """Return the periodic motion of each member (a variant of model and drive); `extras` names further
-    results."""
+    """Return the periodic motion of each member, arrays [members].
+
+    Args:
+        model: the actuator.
+        drive: the drive.
+        members: varied parameters of the model or the drive, by name, arrays [members].
+        tolerance: tolerance of the net step, m.
+        threads: see `moved`.
+        extras: see `moved`.
+
+    Raises:
+        KeyboardInterrupt: the computation was interrupted.
+    """
     found = solved(model, drive, members, tolerance, 1.0, threads, None, unheard, extras)
     if found.interrupted:
         raise KeyboardInterrupt

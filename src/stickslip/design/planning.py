@@ -35,8 +35,8 @@ USUAL = (65.0, 5.0)
 ALL = "all"
 # m, smallest steady step.
 LEAST_STEP = 1e-9
-# Expected standard error, relative to the value, by all candidates together, above which a parameter counts
-# as undetermined.
+# Largest expected standard error of a parameter, relative to its value, if all candidates are recorded; a
+# parameter with a larger error counts as undetermined.
 LOST = 5.0
 # Largest number of candidates that are also simulated at the draws.
 MOST_FOLLOWED = 24
@@ -172,7 +172,15 @@ def _goal(goal: str | Waveform, starts: Sequence[Start]) -> PlanGoal:
 
 
 def _of_step(at: Start, waveform: Waveform) -> np.ndarray:
-    """Return the derivatives of the logarithm of the steady step by the coordinates."""
+    """Return the derivatives of ln(steady step) by the search coordinates q of the parameters, shape (k,).
+
+    Args:
+        at: one set of parameter values (the model's, or a draw).
+        waveform: periodic drive that makes the step.
+
+    Raises:
+        QuantityError: the steady step is below `LEAST_STEP`.
+    """
     own = [name for name in at.space.ties.varying if name in at.free or name not in ("delay", "offset")]
     step = steady_step(at.model, waveform)
     if abs(step) < LEAST_STEP:

@@ -84,7 +84,14 @@ class Posterior:
 
 
 class _Draws(NamedTuple):
-    """Points [n, k] of a mixture, their log weights [n], and the corresponding values [n, columns]."""
+    """Proposals of one round: n points drawn from a mixture, with their densities.
+
+    Attributes:
+        points: search points [n, k].
+        log_weights: logarithm of posterior density over proposal density [n].
+        log_densities: logarithm of the posterior density [n], up to a constant.
+        shown: coordinates q of all parameters [n, parameters].
+    """
 
     points: Array
     log_weights: Array
@@ -187,7 +194,7 @@ def _described(
     log_chance = np.log(np.random.default_rng(seed).random(weights.shape))
     at, path = np.zeros(CHAINS, int), np.zeros(weights.shape, int)
     for i in range(1, weights.shape[1]):
-        with np.errstate(invalid="ignore"):  # of two points without a model, the first is kept
+        with np.errstate(invalid="ignore"):  # -inf minus -inf is NaN: the point is kept
             at = np.where(log_chance[:, i] < weights[:, i] - weights[chains, at], i, at)
         path[:, i] = at
     accepted = float(np.mean(path == np.arange(weights.shape[1])))

@@ -27,7 +27,7 @@ def stribeck_curve(v, coulomb_force, stiction_force, stribeck_velocity, exponent
         return coulomb_force
     if v == 0.0:
         return stiction_force
-    ratio = abs(v) * (1.0 / stribeck_velocity)  # divided once per step, because nothing waits for it
+    ratio = abs(v) * (1.0 / stribeck_velocity)  # faster than a division that waits for v
     power = ratio * ratio if exponent == 2.0 else ratio**exponent
     return coulomb_force + (stiction_force - coulomb_force) * math.exp(-power)
 

@@ -1,4 +1,4 @@
-"""Names from outside, resolved: what a file, a manifest or a page names is a path in one folder."""
+"""Paths of files that a file, a manifest or a page names. Only paths inside one folder are allowed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .errors import GateError
 
 LONGEST_NAME = 400  # characters; file systems allow 255 for each part
 _SHOWN = 60  # characters of a name in a message
-_NOT_PLAIN = "\\:"  # of Windows: another drive, a stream of a file
+_NOT_PLAIN = "\\:"  # on Windows these lead to another drive or to a stream of a file
 
 
 def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") -> Path:
@@ -18,12 +18,12 @@ def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") 
 
     Args:
         root: the folder.
-        name: parts separated by slashes; it need not exist.
-        called: what errors call the folder.
+        name: parts separated by slashes; the file need not exist.
+        called: name of the folder in error messages.
 
     Raises:
-        GateError: the name is absolute, leads out of the folder by dots or by a link, has parts that are
-            hidden or empty or letters that cannot be printed, is too long, or is that of a pipe or a device.
+        GateError: the name is absolute or too long, or leads out of the folder by dots or by a link. A part
+            is empty, hidden or not printable. Or the path is a pipe or a device.
     """
     shown = repr(name[:_SHOWN])
     parts = name.split("/")
@@ -36,21 +36,21 @@ def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") 
             raise GateError(f"{shown} leads out of {called}")
         if not is_plain(found):
             raise GateError(f"{shown} is no plain file")
-    except OSError as error:  # a part that is too long for the file system, say
+    except OSError as error:  # for example, a part is too long for the file system
         raise GateError(f"{shown} is no name of a file in {called}: {error.strerror}") from error
     return found
 
 
 def is_name(part: str) -> bool:
-    """Return whether a name without slashes is one that a file or folder may be asked for by."""
+    """Return True if a part of a path may be used: printable, not empty, not hidden, no ":" or backslash."""
     plain = part.isprintable() and not any(bad in part for bad in _NOT_PLAIN)
     return plain and part != "" and not part.startswith(".")
 
 
 def is_plain(path: Path) -> bool:
-    """Return whether the path is of a file, a folder or nothing yet: a pipe may never answer who opens it."""
+    """Return True if a path is a file or a folder, or does not exist. Opening a pipe could wait forever."""
     try:
-        mode = os.stat(path).st_mode  # once: another process may make the file between two questions
+        mode = os.stat(path).st_mode  # one call, because another process may create the file between two
     except (FileNotFoundError, NotADirectoryError):
         return True
     return stat.S_ISREG(mode) or stat.S_ISDIR(mode)

@@ -13,5 +13,13 @@ def unheard(doing: str, done: float) -> None:
 
 
 def within(progress: Progress, begin: float, length: float, doing: str, done: float) -> None:
-    """Report the progress of a part that starts at `begin` and takes `length` of the whole."""
+    """Report the progress of one part of a task.
+
+    Args:
+        progress: function that receives the progress of the whole task.
+        begin: fraction of the whole at which the part starts.
+        length: length of the part, as a fraction of the whole.
+        doing: current activity.
+        done: finished fraction of the part, 0 to 1.
+    """
     progress(doing, begin + length * done)

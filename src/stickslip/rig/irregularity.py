@@ -71,15 +71,18 @@ REGULAR = Irregularity(0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Slips:
-    """Deviations of the slips: `offset` [m] is their sum, including the present yield of the seat.
+    """Deviations of the slips of a real stage from those of the model, added up during a run.
+
+    `offset` [m] is added to the position of the model. It is the excess of all slips so far, plus the present
+    elastic yield r of the slider's seat, which relaxes after a stop (see the module).
 
     Args:
-        of: size of the irregularity.
+        of: size of each kind of irregularity.
         actuator: actuator whose contact slips.
-        seed: seed of the scatter.
+        seed: seed of the random scatter.
 
     Raises:
-        QuantityError: a relaxation of a rotary actuator.
+        QuantityError: the actuator is rotary, and `of.relaxation` is not 0.
     """
 
     def __init__(self, of: Irregularity, actuator: Actuator, seed: tuple[int, ...] = (0,)) -> None:
@@ -97,11 +100,11 @@ class Slips:
 
     @property
     def offset(self) -> float:
-        """Sum of the deviations, m."""
+        """Sum of the excess of all slips and of the yield of the seat, m."""
         return self._shift + self._seat
 
     def step(self, slid: float, seconds: float) -> float:
-        """Return the offset [m] at a sliding displacement [m], `seconds` after the previous one."""
+        """Return the offset [m] at the sliding displacement `slid` [m], `seconds` after the previous one."""
         at = min(max(self._slipped, slid - self._width), slid + self._width)
         went = at - self._slipped
         if went != 0.0:
@@ -117,8 +120,10 @@ class Slips:
         return self.offset
 
     def follow(self, slid: Array, seconds: Array) -> Array:
-        """Return the offsets [m] at sliding displacements [n]; `seconds` [n] are the times since the previous
-        one."""
+        """Return the offsets [n], m, at sliding displacements `slid` [n], m.
+
+        `seconds` [n] is the time of each displacement since the previous one.
+        """
         return np.array([self.step(q, dt) for q, dt in zip(slid.tolist(), seconds.tolist(), strict=True)])
 
     def _begin(self, way: int) -> None:
@@ -128,7 +133,12 @@ class Slips:
         self._factor = self._ratios[way] * max(1.0 + self._of.scatter * scatter, 0.0)
 
     def _slip(self, way: int, went: float) -> None:
-        """Add the deviation of a part of a slip [m], and the yield of the seat."""
+        """Add the deviation of a part of a slip, and the yield of the seat that it causes.
+
+        Args:
+            way: direction, 1 or -1.
+            went: length of the part, m.
+        """
         lost = math.copysign(min(went, abs(self._gap)), self._gap)
         self._gap -= lost
         self._shift += way * (self._factor * (went - lost) - went)
@@ -138,8 +148,10 @@ class Slips:
 
 
 def beyond_end(before: float, raw: Array, end: float, give: float) -> Array:
-    """Return a path [n], m, between end stops at -end and end [m] that yield by `give`. It starts at
-    `before`."""
+    """Return a path [n], m, limited by end stops at -end and end [m], which yield by `give` [m] at most.
+
+    `raw` is the path without end stops, m, and `before` the position before its first sample, m.
+    """
     found = raw.copy()
     for side in (-1.0, 1.0):
         edge = max(side * before, end)

@@ -1,5 +1,7 @@
-"""Drives and normal force of neighbours: models or waveforms with one slightly changed parameter, for
-derivatives."""
+"""Drives and normal force of neighbours, for derivatives by difference quotients.
+
+A neighbour is a model or a waveform with one slightly changed parameter.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +17,16 @@ from ..waveform.drive import Drive, evaluate
 from .drives import Driven
 from .varied import changed_piezo, drive_names, put_in, value_of
 
-# Relative difference, and absolute one for a value of zero. Neighbours use the same steps, so only rounding
-# limits it.
+# Change of a parameter, relative to its value, or absolute for a value of 0. Neighbours use the same
+# integration steps, so only rounding limits the change.
 DIFFERENCE = 1e-6
-# Differences for drives after a piezo, which are computed to about 1e-8: the one at which the drive changes
-# most nearly in proportion is taken. Deviations from proportion that suffice at once, and that are allowed at
-# most.
+# Changes of a parameter for drives behind a piezo, which are accurate to about 1e-8. The change with the
+# smallest deviation from proportion is taken. ENOUGH: deviation that is accepted at once; STRAIGHT: largest
+# allowed deviation.
 AT_PIEZO, ENOUGH, STRAIGHT = (1e-6, 1e-5, 1e-4, 1e-3), 1e-6, 0.01
 # Relative rounding of the values of a drive.
 ROUNDING = 1e-11
-# Relative extra length of the tables of neighbours, whose breaks (ends of segments) may be later.
+# Length of the neighbours' tables relative to the trajectory. A break (end of a segment) may be later there.
 LONGER = 1.01
 # Largest distance between breaks of a neighbour and of the trajectory, relative to its length, and between
 # their formulas, both in units of the difference.
@@ -32,7 +34,7 @@ MOST_APART = 100.0
 
 
 class Beside(NamedTuple):
-    """The table of a drive with one changed parameter, its period [s], and the size of the change."""
+    """Table of a drive with one changed parameter, its period [s], and the change with its sign."""
 
     table: Drive
     period: float
@@ -40,23 +42,29 @@ class Beside(NamedTuple):
 
 
 def longer(of: Driven, end: float, settled: bool) -> Drive:
-    """Return the table up to slightly more than `end` [s], and over at least two periods; if `settled`, that
-    of one period after many."""
+    """Return the table of a drive from 0 to slightly beyond `end` [s], for at least two periods.
+
+    If `settled`, return one period after many periods.
+    """
     return of.table(of.period if settled else max(LONGER * end, 2.0 * of.period), settled)
 
 
 def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float, settled: bool) -> Beside:
-    """Return the drive with a slightly changed parameter of piezo or waveform; the change has the sign that
-    the waveform's record allows.
+    """Return the drive with one slightly changed parameter of the piezo or the waveform.
+
+    The parameter is increased; if the waveform does not allow that, it is decreased.
 
     Args:
-        given: the unchanged drive, and `itself` its table.
-        end: end of the trajectory, s; `settled`: see `longer`.
+        model: the actuator.
+        name: name of the parameter.
+        given: the unchanged drive.
+        itself: table of the unchanged drive.
+        end: end of the trajectory, s.
+        settled: see `longer`.
 
     Raises:
-        QuantityError: neither sign is allowed; or, up to `end` [s], the changed drive has other segments, or
-            does
-            not change in proportion: then there is no derivative.
+        QuantityError: the parameter can be changed in neither direction. Or there is no derivative, because
+            up to `end` the changed drive has other segments, or does not change in proportion.
     """
     of_piezo, waveform = name in drive_names(model), given.waveform
     value = value_of(model, name, waveform)

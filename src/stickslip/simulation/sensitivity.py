@@ -62,12 +62,13 @@ DAMPING = ("N s/m", ANGLE.unit("N s/m"))
 
 
 class NeighbouringModels(NamedTuple):
-    """A model with neighbours, each of which has one slightly changed value, for derivatives.
+    """A model and its neighbours (one slightly changed value each), for derivatives by differences.
 
     Attributes:
-        drives: drives of the neighbours, None if all are the same; `periods` are their periods (0: none).
-        itself: drive of the model with the same segments as the neighbours', or None.
-        breaks: times of jumps of the normal force, s; all neighbours start a segment there.
+        values, states: parameters and initial state of each neighbour; `steps` are the changes.
+        drives, periods: drive and period [s] (0: none) of each neighbour; None if all have the same drive.
+        itself: drive table of the unchanged model, with the same segments as the neighbours' drives.
+        breaks: times of jumps of the normal force, s; all neighbours start a segment at these times.
     """
 
     model: Actuator
@@ -127,10 +128,10 @@ def moved(
 ) -> NeighbouringModels:
     """Return the neighbours of a model at a given state, one for each name.
 
-    With `before`, each rests under that drive by itself. With a `waveform`, simulated up to `end` [s], names
-    may be fields of it, and the neighbour has its own drive; if `settled`, that of one period after many.
-    Tables are made for the tolerance [m]. The rows `slipping` of the state are on the bounds of each
-    neighbour.
+    With `before` [V], each neighbour starts at rest under this voltage. With a `waveform`, simulated up to
+    `end` [s], names may be its fields, and the neighbour has its own drive; if `settled`, the drive is one
+    period after many. Tables are accurate to the tolerance [m]. The rows `slipping` of the state are on the
+    bounds of each neighbour.
 
     Raises:
         QuantityError: a name that is not known, a static law, or one whose force jumps.
@@ -199,8 +200,7 @@ def moved(
 
 
 def _step(model: Actuator, name: str, value: float) -> float:
-    """Return the change of a value for a derivative: a millionth of it, and for a small damping more than its
-    rounding."""
+    """Return the change of a value for a derivative: a millionth, or more for a small damping."""
     least = LEAST_DAMPING * model.end_effector_mass * model.natural_frequency
     if abs(value) < least < math.inf:
         quantity = quantity_of(model, None, name)

@@ -1,4 +1,4 @@
-"""Deflections of a contact at rest under a force."""
+"""Deflections of the elements (bristles) of a contact that carries a force."""
 
 from __future__ import annotations
 
@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 from ..friction import element as element_of
 from ..friction import elements, rate
 
-# Slow compared with every Stribeck velocity: speed of a contact that creeps into sliding.
+# Sliding speed at which the largest deflection of an element is computed. It is far below every Stribeck
+# velocity, so that the friction still has its value at rest.
 _CREEPING = 1e-9  # m/s
 _FARTHEST = 1.0  # m, for a law whose bristle deflection has no bound
 
 
 def strained(law: Any, force: float, velocity: float = 0.0) -> NDArray[np.float64]:
-    """Return the equal deflection of all elements that, together with the viscous force, carries a force [N]
-    at a sliding velocity; each at most at its limit in sliding."""
+    """Return the deflection [m] of each element of a contact that carries a force [N].
+
+    The force includes viscous friction at the sliding `velocity`, m/s. All elements have the same deflection,
+    except those that reach their limit in sliding.
+    """
     ones = [element_of(law, e) for e in range(elements(law))]
     ends = [_largest(lambda d, one=one: rate(one, _CREEPING, d)[1] > 0.0, _FARTHEST) for one in ones]
     viscous = sum(rate(one, velocity, 0.0)[0] for one in ones)
@@ -33,8 +37,10 @@ def strained(law: Any, force: float, velocity: float = 0.0) -> NDArray[np.float6
 
 
 def _largest(holds: Callable[[float], bool], limit: float) -> float:
-    """Return the largest number up to the limit for which `holds` is true, by bisection; it must be true for
-    small numbers."""
+    """Return the largest number up to `limit` for which `holds` is true, by bisection.
+
+    `holds` must be true for small numbers.
+    """
     low, high = 0.0, 1e-12
     while high < limit and holds(high):
         low, high = high, 2.0 * high

@@ -52,7 +52,7 @@ def one_task(path: str, number: int) -> None:
         run_task(*_PREPARED[path], number)
     except StudyError:
         raise
-    except Exception as error:  # of a type that need not be known elsewhere
+    except Exception as error:  # the client may not know its type, so only its text is sent
         raise RuntimeError(told(error)) from None
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # usual change on either side (the median over half of AROUND samples) and a share of the range.
 ABOVE, AROUND = 8.0, 21
 LEAST_JUMP, LEAST_KINK = 1e-2, 1e-4
-# A jump exceeds its neighbouring changes by this factor; otherwise it is a flank over several intervals.
+# Largest change beside a jump, in usual changes. A larger one belongs to a flank over several intervals.
 ALONE = 3.0
 # Samples on either side of a jump that show how the drive approaches it.
 BESIDE = 5
@@ -185,7 +185,11 @@ def _usual(changes: Array) -> Array:
 
 
 def _jumps(u: Array) -> list[int]:
-    """Return the intervals that contain a jump; interval i follows sample i."""
+    """Return the indices of the intervals that contain a jump: interval i lies between samples i and i + 1.
+
+    A jump of the voltage `u` [n], V, exceeds `ABOVE` times the usual change and the share `LEAST_JUMP` of the
+    range. The changes before and after a jump do not exceed `ALONE` times the usual change.
+    """
     change = np.abs(np.diff(u))
     usual, range_ = _usual(change), float(np.ptp(u))
     fast = np.pad(change > np.maximum(ALONE * usual, 0.1 * LEAST_JUMP * range_), 1)

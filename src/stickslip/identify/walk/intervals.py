@@ -36,8 +36,9 @@ def profile_interval(
     level: float = 0.95,
     **options: Any,
 ) -> tuple[float, float]:
-    """Return the interval of one value by its profile likelihood: it is fixed at several values, and all
-    others are fitted again.
+    """Return the interval of one value by its profile likelihood.
+
+    The value is fixed at several points. At each of them all other values are fitted again.
 
     Use it where linearised intervals are wrong, such as when another value is weakly determined (sigma_1 by
     slow samples), because the curvature at the estimate then says little. Autocorrelated noise counts as in
@@ -83,7 +84,10 @@ def profile_interval(
     reach = deviation if 0.0 < deviation < math.inf else 0.1 * abs(q)
 
     def distance(at: float, begin: Fit) -> tuple[float, Fit]:
-        """Return the distance from the best fit, in standard errors, with the value fixed."""
+        """Return the distance (>= 0) from the best fit, in standard errors, and the fit with a fixed value.
+
+        `at` is the coordinate q of the value. The fit `begin` gives the initial guess.
+        """
         held = [
             one._replace(start=p.value(at), fixed=True, prior=None) if one.name == name else one
             for one in own

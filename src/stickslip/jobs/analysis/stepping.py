@@ -71,10 +71,18 @@ def read_steps(path: str | os.PathLike[str]) -> tuple[StepsFile, Path]:
 
 
 def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dataset, StepLaw]:
-    """Make the bursts, or read them, and fit the law.
+    """Make the bursts of steps, or read measured ones, and return them and the step law fitted to them.
+
+    The step law gives the step size over voltage and direction, see `control.StepLaw`.
+
+    Args:
+        file: request for a step calibration.
+        folder: folder of the relative paths in the file.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
 
     Raises:
-        AnalysisError: the file names neither a positioner with bursts nor measured ones, or both.
+        AnalysisError: the file names both a positioner and measured bursts, or neither, or measured bursts
+            without their frequency.
         InterlockError: the program is not armed, see `rig.armed`.
         RigError, QuantityError: from the positioner, the sensor, or the fit.
     """

@@ -184,7 +184,10 @@ def verification_analysis(
 
 
 def _check_limits(where: str, require: Sequence[str]) -> None:
-    """Raise AnalysisError for a wrong requirement, before anything is read."""
+    """Raise AnalysisError if a requirement cannot be parsed, before any recording is read.
+
+    `where` names the requirements in the message.
+    """
     for text in require:
         try:
             Requirement.parse(text)

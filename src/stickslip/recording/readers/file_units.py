@@ -44,7 +44,8 @@ _ROLE = re.compile(
     r"ch(an(nel)?)? ?\w+|a[io]\d+|\W*\d*\W*",
     re.IGNORECASE,
 )
-# Units of one letter that have another meaning for columns with these names.
+# Units of one letter whose meaning depends on the name of the column: the letter, a pattern of names, and the
+# unit that is meant. In a column "acceleration", g is standard gravity, not gram.
 _BY_NAME = (
     ("g", re.compile(r"acc|beschl", re.IGNORECASE), "standard_gravity"),
     ("C", re.compile(r"temp", re.IGNORECASE), "degC"),

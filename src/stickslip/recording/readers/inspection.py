@@ -25,7 +25,7 @@ from .uff import ENDINGS as UNIVERSAL
 if TYPE_CHECKING:
     import xarray as xr
 
-# Smallest pause, in usual intervals of the clock.
+# Shortest gap between samples that is reported as a pause, in median sampling intervals.
 PAUSE = 1.5
 LARGE, MOST = 50_000_000, 50_000  # size of a large file in bytes, and the number of its samples that are read
 WIDEST = 80  # largest number of characters of a name in the table of columns
@@ -242,7 +242,7 @@ def _said_of_log(log: xr.Dataset) -> list[str]:
 
 
 def _response(path: Path) -> tuple[xr.Dataset | None, str]:
-    """Return the frequency response of a file, or None and the problem."""
+    """Return the frequency response of a file and "". If it cannot be read, return None and the reason."""
     try:
         return read_frequency_response(path), ""
     except RecordingError as error:

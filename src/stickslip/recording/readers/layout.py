@@ -1,7 +1,7 @@
 """Layout of a text file of numbers: encoding, delimiter, decimal sign, start of the data, header.
 
-It is found from the first lines. Of all combinations of delimiter and decimal sign, the one is taken that
-turns most lines into most numbers. Lines above the header are ignored.
+The layout is found from the first lines. The chosen delimiter and decimal sign turn the most lines into the
+most numbers. Lines above the header are ignored.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class TextLayout(NamedTuple):
     kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
     missing: frozenset[str] = MISSING  # texts for missing numbers
     fortran: bool = False  # numbers are written "1.0D-03"
-    # Clocks in the header, by the index of their channel: a blank column, one that numbers the samples, or an
-    # additional one.
+    # Clocks that the header describes, by the index of the channel that receives the times: a blank column, a
+    # column of sample numbers, or a new channel after the last column.
     clocks: Mapping[int, HeaderClock] = MappingProxyType({})
     counts: bool = False  # the first column numbers the samples
     stamps: Mapping[int, Stamped] = MappingProxyType({})  # columns of dates and times

@@ -10,15 +10,15 @@ from .file_units import in_seconds, to_si_unit
 from .source import FileChannel, FileContent, Rows, is_clock
 
 LOOKED = 1000  # number of samples by which time columns are compared
-AGREE = 0.1  # share of a step by which two clocks may differ by rounding
+AGREE = 0.1  # largest difference of two clocks by rounding, in sampling intervals
 _NAMED_FOR = re.compile(r"(time|t|zeit)[ _.-]\w.*|.*\w[ _.-](time|t|zeit)", re.IGNORECASE)
 
 
 def with_clocks(source: FileContent) -> FileContent:
-    """Return the source with the time column of each channel, where there are several.
+    """Return the source with a time column assigned to each channel, if the file has several time columns.
 
-    A time column without columns after it is left out if it agrees with the next one, such as a date beside
-    seconds. Otherwise the channels are unchanged, and the user is asked.
+    A time column without columns after it is left out if it agrees with the next time column, such as a date
+    beside seconds. If it does not agree, the channels are unchanged, and the user is asked.
     """
     channels = source.channels
     maybe = [i for i, one in enumerate(channels) if one.numeric and _may_be_time(one)]
@@ -59,10 +59,14 @@ def _increases(ticks: np.ndarray) -> bool:
 
 
 def _agree(one: np.ndarray, other: np.ndarray) -> bool:
-    """Return True if two clocks have the same times, except for their start."""
+    """Return True if two clocks (times [n], s) differ only by a constant offset and rounding.
+
+    Rounding is at most `AGREE` sampling intervals of `other`. If times repeat in `one`, which may count full
+    seconds, the smallest step of `one` is added.
+    """
     if one.size < 2:
         return True
     step, own = float(np.nanmedian(np.abs(np.diff(other)))), np.abs(np.diff(one))
-    coarse = float(own[own > 0.0].min(initial=np.inf)) if np.any(own == 0.0) else 0.0  # in full seconds
+    coarse = float(own[own > 0.0].min(initial=np.inf)) if np.any(own == 0.0) else 0.0  # such as full seconds
     apart = (one - one[0]) - (other - other[0])
     return bool(np.all(np.abs(apart) <= AGREE * step + coarse))

@@ -34,7 +34,13 @@ _ZERO = {"color": "#404040", "lw": 0.7, "zorder": 1.5}
 
 
 class Estimates(NamedTuple):
-    """One parameter estimated at several settings: arrays of shape (n,) in its SI unit."""
+    """Estimates of one parameter at n settings of an experiment: arrays of shape (n,) in its SI unit.
+
+    Attributes:
+        values: estimates.
+        low, high: ends of the confidence intervals; infinite or NaN if unknown.
+        unit: SI unit of the parameter.
+    """
 
     values: ArrayLike
     low: ArrayLike

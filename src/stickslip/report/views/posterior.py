@@ -13,7 +13,7 @@ MOST_DRAWN = 8  # parameters of one figure
 
 @document_of.register
 def posterior_document(found: Posterior) -> Document:
-    """Return samples of a posterior and their convergence."""
+    """Return the report of a posterior: parameters, their distributions, and convergence of the chains."""
     numbers = posterior_numbers(found)
     message = f"{found.message[0].upper()}{found.message[1:]}."
     return Document(
@@ -27,7 +27,7 @@ def posterior_document(found: Posterior) -> Document:
 
 
 def posterior_numbers(found: Posterior) -> dict[str, Number]:
-    """Return mean, interval of highest density and standard deviation of each parameter."""
+    """Return mean, 95 % interval of highest density and standard deviation of each parameter, by name."""
     numbers = {}
     for name in map(str, found.summary["parameter"].values):
         row = found.summary.sel(parameter=name)
@@ -38,7 +38,10 @@ def posterior_numbers(found: Posterior) -> dict[str, Number]:
 
 
 def posterior_table(found: Posterior) -> Table:
-    """Return the same with the sampling quality of each parameter."""
+    """Return a table with one row per parameter: mean, 95 % interval, R-hat, and effective sample sizes.
+
+    The effective sample sizes are those of the whole distribution and of its tails.
+    """
     columns = (
         Column("parameter"),
         Column("mean [95 %, highest density]"),

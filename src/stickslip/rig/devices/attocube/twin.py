@@ -52,7 +52,7 @@ _FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # filters of an ANM30
 
 
 class ConsoleError(Exception):
-    """Text that the console sends before ERROR."""
+    """Error of a command; its text is sent by the console before ERROR."""
 
 
 class Module:
@@ -73,7 +73,7 @@ class Module:
             self._go(value)
 
     def set_mode(self, mode: str, now: float) -> None:
-        """Change the mode of the output; a motion ends."""
+        """Change the mode of the output at the time `now` [s]; the present motion stops."""
         if mode not in _MODES:
             raise ConsoleError("Parameter out of range")
         self.axis.stop()
@@ -90,7 +90,11 @@ class Module:
         self.axis.begin(pieces())
 
     def step(self, sign: int, count: int | None) -> None:
-        """Step up or down; with a count of None until a stop."""
+        """Start `count` steps up (`sign` 1) or down (-1); endless steps if `count` is None.
+
+        Raises:
+            ConsoleError: the axis is not in a stepping mode, or the voltage would exceed 0 to 150 V.
+        """
         if self.mode not in ("stp", "stp+", "stp-"):
             raise ConsoleError("Axis not in stepping mode")
         of = self.settings
@@ -136,7 +140,7 @@ class Anc300:
         return ConsoleSession(self, known=True)
 
     def leave(self) -> None:
-        """Stop steps without an end."""
+        """Stop endless steps when the connection ends."""
         for module in self.modules.values():
             module.axis.stop()
 
@@ -201,7 +205,11 @@ class Anc300:
         return said[key]()
 
     def _wait(self, module: Module) -> None:
-        """Wait until the steps are done, or the capacitance is measured."""
+        """Wait until the steps, or the measurement of the capacitance, are done.
+
+        Raises:
+            ConsoleError: the steps are endless, or last longer than `longest_wait`.
+        """
         until = self.clock.now() + self.longest_wait
         while module.axis.moving or self.clock.now() < module.busy_until:
             if self.clock.now() > until or module.axis.forever:
