@@ -127,7 +127,7 @@ def test_record_interrupted(tmp_path: Path) -> None:
                 assert line, "it ended early"
             process.send_signal(sign)
             rest = process.communicate(timeout=300)[1]
-        assert process.returncode == 130
+        assert process.returncode == 130, rest
         said = "Error: interrupted; what was finished is kept, and the same command continues"
         assert rest.strip().splitlines()[-1] == said
     assert {p.stem for p in out.glob("*.nc")} == {"walk_35V", "walk_65V"}
@@ -333,7 +333,7 @@ def test_a_second_interruption_ends_at_once_with_the_output_at_zero(tmp_path: Pa
         time.sleep(0.001)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=300)
-        assert process.returncode == 130
+        assert process.returncode == 130, rest
     assert abs(float(log.read_text())) < 0.1
     samples = out / "unfinished"
     assert not samples.exists() or list(samples.iterdir())
