@@ -10,26 +10,34 @@ from typing import NamedTuple
 
 
 class Asker(NamedTuple):
-    """Sender of a request: public name of its page, address, role of its token (see `roles`)."""
+    """Sender of a request.
+
+    `page` is the public name of its page (see `shown`), `address` the client's network address ("" outside of
+    requests), `role` the role of its token: "watch", "operate" or "maintain".
+    """
 
     page: str = ""
     address: str = ""
     role: str = "maintain"
 
     def named(self, operator: str) -> str:
-        """Return the operator's name with the page and the role."""
+        """Return the operator's name with the page and the role, for the log.
+
+        Outside of requests the name alone, or "the panel" if it is empty. `operator` is the name that the
+        experiment gives, "" if it gives none.
+        """
         if not self.address:
             return operator or "the panel"
         who = f"page {self.page[:6]}, may {self.role}" if self.page else f"may {self.role}"
         return f"{operator or 'somebody'} ({who})"
 
 
-_NOW: ContextVar[Asker] = ContextVar("asker", default=Asker())  # noqa: B039  # it cannot be changed
+_NOW: ContextVar[Asker] = ContextVar("asker", default=Asker())  # noqa: B039  # a named tuple is immutable
 
 
 @contextmanager
 def asked_by(asker: Asker) -> Iterator[None]:
-    """Set the asker while a request is answered."""
+    """Set the asker that `asking` returns within the `with` block, in which a request is answered."""
     before = _NOW.set(asker)
     try:
         yield
@@ -43,5 +51,8 @@ def asking() -> Asker:
 
 
 def shown(identity: str) -> str:
-    """Return the public name of a page, a hash of its secret; "" without a secret."""
+    """Return the public name of a page: 16 hexadecimal digits of the hash of its secret `identity`.
+
+    An empty secret gives "".
+    """
     return hashlib.sha256(identity.encode()).hexdigest()[:16] if identity else ""

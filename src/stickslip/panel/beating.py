@@ -1,4 +1,7 @@
-"""Signs of life of the page in control: the rig's process ends a run with a heartbeat when they stay away."""
+"""Signs of life (heartbeats) of the page in control, passed on to the rig's process.
+
+If the experiment's limits ask for a heartbeat, the rig's process ends the run when these signs stop.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +17,22 @@ _ANSWERS = 1.0  # s in which the rig's process must answer
 
 
 class Beating:
-    """Passes signs of life on to the process of a rig, by a connection of its own."""
+    """Passes signs of life on to the process of a rig, through a separate connection."""
 
     def __init__(self) -> None:
         self._heard = threading.Event()
 
     def heard(self) -> None:
-        """Take a sign of life; returns at once."""
+        """Note that the page in control sent a sign of life; returns at once."""
         self._heard.set()
 
     def follow(self, folder: Path, needed: Callable[[], bool]) -> None:
-        """Pass signs of life on to the process that owns a folder, while a run needs them."""
+        """Start a thread that passes signs of life on to the rig's process.
+
+        Args:
+            folder: folder of the rig's process, by which it is reached.
+            needed: takes nothing; returns True while the run continues. On False the thread ends.
+        """
         threading.Thread(target=self._pass_on, args=(folder, needed), daemon=True).start()
 
     def _pass_on(self, folder: Path, needed: Callable[[], bool]) -> None:

@@ -24,11 +24,14 @@ from .running import Runner
 from .starting import Starter
 from .stream import Client, Hub
 
-MOST_POINTS = 20_000
+MOST_POINTS = 20_000  # largest number of points of one answer to a zoom
 
 
 class Change(Strict):
-    """Request to change one place in the experiment; the value null deletes it."""
+    """Request to change one value in the experiment's content.
+
+    `path` has the keys and list indices that lead to the value. A `value` of null deletes the key.
+    """
 
     path: list[str | int]
     value: Any = None
@@ -41,7 +44,7 @@ class Undo(Strict):
 
 
 class Runs(Strict):
-    """Request that names runs of the experiment."""
+    """Request that names the runs of the experiment to record."""
 
     runs: list[str]
 
@@ -53,7 +56,11 @@ class NamedFile(Strict):
 
 
 class Chosen(Strict):
-    """Request to choose a rig: a virtual bench, or a back end with its options as text."""
+    """Request to choose a rig.
+
+    `kind` is "virtual" or the name of a back end (driver), `bench` names the virtual bench, and `options` are
+    the back end's arguments as text, such as "host: 192.168.0.20".
+    """
 
     kind: str
     bench: str = ""
@@ -67,7 +74,11 @@ class Note(Strict):
 
 
 class Window(Strict):
-    """Request for a part of the live run, to zoom in."""
+    """Request for a part of the live run, to zoom in.
+
+    `trace` is the number of the run's curves since the panel started, `begin` and `end` [s] count from the
+    start of the drive, and `points` is the number of points to draw.
+    """
 
     trace: int
     begin: float
@@ -86,7 +97,7 @@ def bench_routes(
     starter: Starter,
     interlocks: Interlocks,
 ) -> APIRouter:
-    """Return the routes of the Bench page."""
+    """Return the routes of the Bench page; also register its messages of the stream on `hub`."""
     routes = APIRouter(prefix="/bench")
 
     def greet(client: Client, said: dict[str, Any]) -> list[str]:
@@ -184,7 +195,10 @@ def _add_experiment(
     """Add the routes that change, undo, load and save the experiment."""
 
     def limits_change(before: Limits, after: Limits) -> None:
-        """Refuse changes of limits without the required role; log all others."""
+        """Refuse a change of the limits without the required role; log a permitted one.
+
+        The role "operate" may change only the heartbeat; all other limits need "maintain".
+        """
         need_role("operate" if before._replace(heartbeat=after.heartbeat) == after else "maintain")
         changes = changed_limits(before, after, document.checked.unit)
         journal(f"limits changed: {', '.join(changes)}", "warning")

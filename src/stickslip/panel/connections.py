@@ -9,21 +9,24 @@ from typing import Any
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-MOST_CONNECTIONS = 400
-PATIENCE = 10.0  # s from the first byte of a request to the end of its head
-_BODY = 6  # multiple of `PATIENCE` for the rest of the request, and for the client to read the answer
+MOST_CONNECTIONS = 400  # open at a time
+# s between two checks of a connection. A new one must have sent the head of a request by the first check.
+PATIENCE = 10.0
+# Number of checks without progress after which a connection is closed that has not sent the whole request, or
+# not read the answer.
+_BODY = 6
 
 
 class BoundedConnection(H11Protocol):
     """HTTP connection of uvicorn with limits.
 
-    A connection is closed if it stays silent or sends only half a request. If too many are open, the oldest
-    idle one is closed at once.
+    A connection is closed if it stays silent or sends only half a request. If more than `MOST_CONNECTIONS`
+    are open, the oldest idle one is closed at once, or the new one if none is idle.
     """
 
     _timer: TimerHandle | None = None
     _served: Any = None  # the request at the last check
-    _looks = 0
+    _looks = 0  # checks in a row at which the client had made no progress
 
     def connection_made(self, transport: Any) -> None:
         """Start the timer of a new connection; close the oldest idle one if there are too many."""
@@ -36,14 +39,14 @@ class BoundedConnection(H11Protocol):
         self._timer = self.loop.call_later(PATIENCE, self._look)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Stop the timer."""
+        """Stop the timer of a closed connection."""
         if self._timer is not None:
             self._timer.cancel()
         super().connection_lost(exc)
 
     @property
     def idle(self) -> bool:
-        """Return True if no request is being answered."""
+        """Return True if the connection has no request that waits for an answer."""
         return self.cycle is None or self.cycle.response_complete
 
     @property
@@ -53,7 +56,7 @@ class BoundedConnection(H11Protocol):
         return self.cycle is not None and not self.cycle.more_body and not self.cycle.response_started
 
     def _look(self) -> None:
-        # the connection became a WebSocket
+        # The connection is closed already, or became a WebSocket, which has no time limit here.
         if self.transport.is_closing() or self.transport.get_protocol() is not self:
             return
         waited = self.cycle is self._served and not self._waits_for_the_server
@@ -66,7 +69,7 @@ class BoundedConnection(H11Protocol):
 
 
 def server_config(app: Any) -> uvicorn.Config:
-    """Return uvicorn's settings for the panel."""
+    """Return uvicorn's settings for the panel's application `app`, with limited connections."""
     made = uvicorn.Config(
         app,
         http=BoundedConnection,

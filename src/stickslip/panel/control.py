@@ -17,15 +17,21 @@ PATIENCE = 10.0  # s that a lost page keeps control: it may be reloading
 
 
 class ControlError(ValueError):
-    """Another page has control."""
+    """Another page has control, or a request names no page."""
 
 
 class Control:
-    """Holder of control ("" for nobody). Every change is sent to all pages."""
+    """Keeps which page controls the rig. Every change is sent to all pages.
+
+    Attributes:
+        holder: secret of the page in control, "" for nobody.
+        asking: secret of the page that asks for control, "" for nobody.
+        gone: functions that are called when a page in control was lost and did not come back.
+    """
 
     def __init__(self, hub: Hub, clock: Callable[[], float] = time.monotonic) -> None:
         self.holder = self.asking = ""
-        self.gone: list[Callable[[], None]] = []  # called when the page in control does not come back
+        self.gone: list[Callable[[], None]] = []
         self._hub, self._clock = hub, clock
         self._seen = 0.0
         self._lock = threading.Lock()
@@ -34,7 +40,10 @@ class Control:
         hub.hears["hand_over"] = lambda client, said: self.hand_over(client)
 
     def ask(self, identity: str) -> None:
-        """Take control if nobody has it; otherwise ask its holder for it."""
+        """Give control to the page with the secret `identity` if nobody has it; otherwise note its request.
+
+        The holder's page then shows the request.
+        """
         with self._lock:
             if not self._free():
                 self.asking = identity if identity != self.holder else self.asking
@@ -43,14 +52,23 @@ class Control:
         self._hub.send(self._message())
 
     def hand_over(self, client: Client) -> None:
-        """Give control to the page that asked for it, or to nobody."""
+        """Give control to the page that asked for it, or to nobody if none asked.
+
+        `client` is the page that hands over; without control it changes nothing.
+        """
         with self._lock:
             if self.holder == client.identity:
                 self._give(self.asking)
         self._hub.send(self._message())
 
     def need(self, identity: str) -> None:
-        """Take control if nobody has it; raises ControlError if another page has it."""
+        """Require that a page has control, before its request is executed.
+
+        The page gets control if nobody has it. `identity` is the page's secret.
+
+        Raises:
+            ControlError: another page has control, or `identity` is empty.
+        """
         with self._lock:
             if not identity:
                 raise ControlError("a request must say in X-Client who makes it")
@@ -71,7 +89,10 @@ class Control:
         return not self.holder or self._clock() - self._seen > PATIENCE
 
     def watch(self) -> None:
-        """Take control from a page that does not come back. Called once a second."""
+        """Take control from a page that has been lost for longer than `PATIENCE`. Called once a second.
+
+        Control goes to the page that asked for it, or to nobody; then the functions in `gone` are called.
+        """
         with self._lock:
             if not self.holder or not self._free():
                 return

@@ -9,10 +9,10 @@ Float32 = NDArray[np.float32]
 
 
 def extremes(values: Float32, bucket: int) -> Float32:
-    """Return minimum and maximum of each bucket of `bucket` samples, [rows, n] -> [rows, 2 n // bucket].
+    """Return minimum and maximum of each group of `bucket` samples, [rows, n] -> [rows, 2 (n // bucket)].
 
-    The maximum comes first where the values fall within the bucket, so that a slope looks like a slope. A
-    bucket of 1 returns the samples unchanged.
+    Samples after the last complete bucket are left out. The maximum comes first where the values fall within
+    the bucket, so that a slope looks like a slope. A bucket of 1 returns the samples unchanged.
     """
     rows, count = values.shape[0], values.shape[1] // bucket
     if bucket == 1:
@@ -41,6 +41,9 @@ def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDA
 
 
 def _paired(low: Float32, high: Float32, falling: NDArray[np.bool_]) -> Float32:
-    """Interleave the minimum and maximum of each bucket [rows, n] in drawing order [rows, 2 n]."""
+    """Interleave the minimum and maximum of each bucket [rows, n] in drawing order [rows, 2 n].
+
+    `falling` is True for buckets in which the values fall: their maximum comes first.
+    """
     first, second = np.where(falling, high, low), np.where(falling, low, high)
     return np.stack([first, second], axis=2).reshape(low.shape[0], -1)

@@ -25,7 +25,8 @@ from .sets import Sets
 from .stream import Hub
 
 DESIGNED = "designed"  # name of the bench's run that has the designed drive
-# s of the drive, s of rest after it, fewest periods. A fast drive soon leaves the range of a sensor.
+# A designed drive on the bench: its length [s], the recorded time after it [s], and its fewest periods. It is
+# short because a fast drive soon leaves the range of a sensor.
 LENGTH, REST, FEWEST = 0.1, 0.1, 8
 _TOLD = 0.1  # s between progress messages
 
@@ -33,17 +34,23 @@ Made = TypeVar("Made")
 
 
 class Searches:
-    """One search at a time; pages follow its progress ("design") and can stop it.
+    """Runs one search for a drive at a time; pages receive its progress ("design") and can stop it.
 
-    A stop keeps the best drive so far.
+    A stopped search returns the best drive so far.
     """
 
     def __init__(self, hub: Hub) -> None:
         self._hub, self._busy, self._stop = hub, threading.Lock(), threading.Event()
 
     def run(self, search: Callable[[Progress], Made]) -> Made:
-        """Run a search for a drive and return its result; raises QuantityError while another search runs, or
-        if it was stopped without a result."""
+        """Run a search for a drive and return its result.
+
+        Args:
+            search: gets a progress callback (what is done, finished fraction) and returns the result.
+
+        Raises:
+            QuantityError: another search runs, or the search was stopped before it had a result.
+        """
         if not self._busy.acquire(blocking=False):
             raise QuantityError("a search is going on: stop it, or let it end")
         told = -math.inf
@@ -142,7 +149,10 @@ def design_routes(
 
 
 def bench_run(drive: of.DesignedDrive, runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return a run of the experiment with this drive, at the shortest sampling interval of the other runs."""
+    """Return a run of the experiment with this drive, in the form of an experiment file.
+
+    It is sampled at the shortest interval of the other `runs`, or at the rig's full rate if they give none.
+    """
     waveform = of.from_lowest(drive.waveform())
     periods = max(FEWEST, math.ceil(LENGTH / waveform.period))
     fields = of.described(waveform)["fields"] | {"periods": periods}

@@ -29,19 +29,23 @@ Array = NDArray[np.float64]
 
 # Points of a map along voltage and frequency; tolerance of each step, m.
 VOLTAGES, FREQUENCIES, TOLERANCE = 33, 41, 1e-9
-# Rows of a map that are computed together: enough for several processors, few enough to check the time.
+# Number of voltages of a map that are computed together: enough work for several processors, and few enough
+# to check the time between them.
 ROWS = 3
-MAP_SECONDS = 10.0  # s of computing for a map, five times what the package's parameter sets need
-# Hz: lowest frequency of maps, and highest one unless the stage's natural frequency gives it.
+MAP_SECONDS = 10.0  # s of processor time for a map, five times what the package's parameter sets need
+# Lowest frequency of maps, and highest one for a stage without dynamics, Hz. For others the highest is twice
+# the stage's natural frequency.
 SLOWEST, FASTEST = 5.0, 1000.0
-# s: length of the recording for which half-widths are predicted.
+# Length [s] of the recording for which half-widths of confidence intervals are predicted.
 RECORDED = 0.4
 KNOTS = 8  # knots of a searched drive, unless the page asks for another number
-# Relative half-widths from here on are shown as "not identified".
+# Half-widths of at least this many times the parameter's value are shown as "not identified".
 NOT_TOLD = 10.0
-# Lowest sampling rate, Hz; samples per period. A fraction samples each period at other phases.
+# Sampling of that recording: lowest rate [Hz] and samples per period. The number per period is not an
+# integer, so that each period is sampled at other phases.
 SAMPLED, PER_PERIOD = 2000.0, 20.3
-FIELDS = ("amplitude", "frequency", "rise_fraction", "offset")  # of a sawtooth
+FIELDS = ("amplitude", "frequency", "rise_fraction", "offset")  # fields of a sawtooth
+# Parameters whose half-widths are predicted, if the actuator has them.
 WANTED = ("sigma_0", "sigma_1", "coulomb_force", "natural_frequency", "damping_ratio")
 
 _LOAD = Quantity("N", "F", "load", minimum=-1e3, maximum=1e3)
@@ -59,7 +63,8 @@ _FIELDS: dict[str, Quantity] = {
     "knots": _KNOTS,
     **{name: quantities(OutputStage)[name] for name in _LIMITS},
 }
-# Initial value and slider range, for linear actuators. The other fields are typed and may be empty.
+# Initial value and slider range of fields with a slider, in SI units of linear actuators. The other fields
+# are typed and may be empty.
 _SLIDERS = {
     "load": (0.0, Slider(-1.0, 1.0, "linear")),
     "voltage": (100.0, Slider(5.0, 150.0, "linear")),
@@ -70,10 +75,10 @@ _SLIDERS = {
 
 
 def fields(rotary: bool) -> list[dict[str, Any]]:
-    """Return the page's fields for linear or rotary actuators, each with its initial value as `starts`.
+    """Return the page's input fields for linear or rotary actuators, each with its initial value as `starts`.
 
-    A field with a slider has its range, see `sliders.shown`. A field without one has only unit and meaning;
-    `starts` is None for a limit that is not set.
+    A field with a slider also has the slider's range (see `sliders.shown`); one without has only name, unit
+    and meaning. `starts` is None for a limit that is not set.
     """
     given = []
     for name, of in _FIELDS.items():
@@ -87,8 +92,10 @@ def fields(rotary: bool) -> list[dict[str, Any]]:
 
 
 def _checked(model: Actuator, name: str, value: Any) -> float:
-    """Return a field's value in the unit of the model, linear or rotary; raises QuantityError if it is
-    wrong."""
+    """Return the value of the field `name` in SI; raises QuantityError if it is wrong or out of range.
+
+    A text must have the unit for a linear or rotary actuator, as `model` is.
+    """
     quantity = _FIELDS[name]
     return quantity.along(coordinate_of(model)).check(value, name)
 
@@ -105,17 +112,17 @@ class LoadedActuator(Model):
 
 
 class MapRequest(LoadedActuator):
-    """Request for a step map from 0 V to the largest voltage."""
+    """Request for a map of the net step; `voltage` [V] is the largest amplitude of its axis."""
 
     voltage: Value
 
     def top(self, model: Actuator) -> float:
-        """Return the largest voltage [V]; raises QuantityError if the actuator does not allow it."""
+        """Return the largest voltage of the request [V]; raises QuantityError if the actuator forbids it."""
         return _taken(model, _checked(model, "voltage", self.voltage))
 
 
 class TypedValue(LoadedActuator):
-    """A number that was typed on the page."""
+    """A number that was typed into the field `name` of the page."""
 
     name: str
     value: Value
@@ -145,10 +152,10 @@ class OutputLimits(fields_of(OutputStage, *_LIMITS)):
 
 
 class DriveSearch(MapRequest):
-    """Request for the fastest drive.
+    """Request for the drive with the highest speed.
 
-    `spread` [N] is the tolerance of the load, ±; the worst case counts. `output` has the limits of generator
-    and amplifier.
+    `spread` [N, or N m] is the tolerance of the load, ±: the lowest speed over loads within it is maximised.
+    `knots` is the number of corners of the drive. `output` has the limits of generator and amplifier.
     """
 
     spread: Value = 0.0
@@ -156,7 +163,7 @@ class DriveSearch(MapRequest):
     output: OutputLimits = Field(default_factory=lambda: OutputLimits())
 
     def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
-        """Return the model and the arguments that all searches for a drive have in common."""
+        """Return the actuator and the keyword arguments that all searches of `design` for a drive share."""
         model = self.loaded(sets)
         spread, unit = _checked(model, "spread", self.spread), unit_for(model, "N")
         scenarios = [
@@ -171,13 +178,13 @@ class DriveSearch(MapRequest):
 
 
 class FrontRequest(DriveSearch):
-    """Request for a front of speed against another goal."""
+    """Request for a Pareto front: highest speed against least amplifier current or least speed ripple."""
 
     against: Literal["current", "ripple"] = "current"
 
 
 class DesignedDrive(Strict):
-    """A sawtooth, or values joined by straight lines, in SI."""
+    """A drive: a sawtooth, or voltages at given times joined by straight lines; all values in SI."""
 
     shape: Literal["Sawtooth", "PeriodicKnots"]
     fields: dict[str, float | list[float]] = Field(max_length=8)
@@ -191,22 +198,26 @@ class DesignedDrive(Strict):
 
 
 class DrivenActuator(LoadedActuator):
-    """An actuator and its drive."""
+    """Request with an actuator, its load and its drive."""
 
     drive: DesignedDrive
 
 
 class InformationRequest(DrivenActuator):
-    """Request for the information in a recording; `noise` [m, rad] is the error of one sample."""
+    """Request for how well a recording with a drive identifies the parameters.
+
+    `noise` [m, rad] is the standard deviation of one position sample.
+    """
 
     noise: Value = 1e-7
 
 
 def step_map(asked: MapRequest, sets: Sets) -> dict[str, Array]:
-    """Return a map of the net step; rows that would take longer than `MAP_SECONDS` are left out.
+    """Return a map of the net step per period; its computation stops after `MAP_SECONDS`.
 
-    Keys: voltage [V], frequency [Hz], net_step [m, rad; voltage x frequency, row by row], status (0: a steady
-    step exists) and in_time (1; 0 if rows were left out: their step and status are NaN).
+    Keys: voltage [V], frequency [Hz], net_step [m, rad], status (0: a steady step exists) and in_time (1, or
+    0 if voltages were left out: their step and status are NaN). Step and status are flat arrays, with all
+    frequencies of the first voltage first.
     """
     model = asked.loaded(sets)
     top = asked.top(model)
@@ -231,7 +242,7 @@ def step_map(asked: MapRequest, sets: Sets) -> dict[str, Array]:
 
 
 def searched(asked: DriveSearch, sets: Sets, progress: Progress) -> dict[str, Any]:
-    """Return the fastest drive and the best sawtooth, with their speeds in each condition."""
+    """Return the fastest drive and the best sawtooth, with their speeds at each load; see `DesignedDrive`."""
     model, common = asked.asked(sets)
     found = design.optimise_waveform(model, goal="speed", progress=progress, **common)
     rows = zip(found.conditions.names, found.values.tolist(), found.sawtooth_values.tolist(), strict=True)
@@ -248,7 +259,10 @@ def searched(asked: DriveSearch, sets: Sets, progress: Progress) -> dict[str, An
 
 
 def front(asked: FrontRequest, sets: Sets, progress: Progress) -> dict[str, Any]:
-    """Return drives from slow to fast, with their values of both goals."""
+    """Return the drives of a Pareto front, from slow to fast, with their values of both goals.
+
+    The second goal's values are `other`, with `label` and `unit`.
+    """
     model, common = asked.asked(sets)
     other: Any = "ripple"
     if asked.against == "current":
@@ -268,7 +282,7 @@ def front(asked: FrontRequest, sets: Sets, progress: Progress) -> dict[str, Any]
 
 
 def described(waveform: Waveform) -> dict[str, Any]:
-    """Return a waveform in the form that `DesignedDrive` reads."""
+    """Return a waveform as a dictionary with the fields of `DesignedDrive`."""
     fields = {name: getattr(waveform, name) for name in FIELDS if hasattr(waveform, name)}
     if isinstance(waveform, PeriodicKnots):
         fields = {"times": [*waveform.times], "values": [*waveform.values], "period": waveform.period}
@@ -276,9 +290,9 @@ def described(waveform: Waveform) -> dict[str, Any]:
 
 
 def motion(asked: DrivenActuator, sets: Sets) -> tuple[float, dict[str, Array]]:
-    """Return the speed [m/s, rad/s] and two periods of the periodic motion.
+    """Return the mean speed [m/s, rad/s] and two periods of the periodic motion as arrays.
 
-    Keys of the second: time [s], drive_voltage [V], end_effector_position [m, rad].
+    Their keys: time [s], drive_voltage [V], end_effector_position [m, rad].
     """
     moved = motion_by(asked.loaded(sets), {"": asked.drive.waveform()}).isel(drive=0)
     volts = np.round(moved.drive_voltage.values, 6)  # rounding errors at the end are not a voltage
@@ -291,9 +305,10 @@ def motion(asked: DrivenActuator, sets: Sets) -> tuple[float, dict[str, Array]]:
 
 
 def told(asked: InformationRequest, sets: Sets) -> dict[str, Any]:
-    """Return the half-widths of the parameters from a recording with this drive and from one at 65 V, 5 Hz.
+    """Return the predicted relative half-widths of the parameters' confidence intervals.
 
-    A half-width is None if the recording does not identify the parameter.
+    `half_width` belongs to a recording of `RECORDED` seconds with this drive, `default_half_width` to one
+    with a sawtooth of 65 V, 5 Hz. None: the recording does not identify the parameter.
     """
     model = asked.loaded(sets)
     has = {name for name, value in model.friction._asdict().items() if isinstance(value, float) and value > 0}
@@ -317,7 +332,10 @@ def told(asked: InformationRequest, sets: Sets) -> dict[str, Any]:
 
 
 def from_lowest(waveform: Any) -> Any:
-    """Return the same knots, starting at the lowest voltage: the nearest to a rig at rest."""
+    """Return a knot waveform shifted in time so that it starts at its lowest voltage.
+
+    That voltage is the nearest to 0 V, at which a rig rests. Other waveforms are returned unchanged.
+    """
     if not isinstance(waveform, PeriodicKnots):
         return waveform
     first = int(np.argmin(waveform.values))

@@ -33,13 +33,16 @@ from .folder import Folder
 from .rigs import asked_rig, facts, fitted
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
-MOST_KEPT = 200  # changes that can be undone
-_KEY_LIMIT = 8  # longest path to a place in the content
+MOST_KEPT = 200  # number of changes that can be undone
+_KEY_LIMIT = 8  # most keys and indices of a path to a value in the content
 
 
 class Checked(NamedTuple):
-    """Checked content of an experiment, with its parsed file, cells, units of channels, capabilities and
-    limits."""
+    """Checked content of an experiment, and what follows from it.
+
+    `file` is the parsed content, `cells` are its recordings to make (one for each combination of values),
+    `units` the unit of each channel, `can` the capabilities of the rig, `limits` those of the output.
+    """
 
     content: dict[str, Any]
     file: ExperimentFile
@@ -84,16 +87,22 @@ class BenchDocument:
         return file, PlanningLaboratory(file, self._folder.root)
 
     def check(self, content: dict[str, Any]) -> Checked:
-        """Check a content as `change` does, without changing the experiment."""
+        """Return the checked content as `change` would, without changing the experiment on the bench."""
         return self._check(content)
 
     def change(self, path: list[str | int], value: Any) -> None:
-        """Set one place of the content (null deletes it). Raises as `replace`; then nothing is changed."""
+        """Set one value of the content; None deletes its key. Raises as `replace`; then nothing is changed.
+
+        `path` has the keys and list indices that lead to the value.
+        """
         with self._lock:
             self._take(self._check(self._changed(path, value)))
 
     def choose_rig(self, kind: str, bench: str, options: str) -> list[str]:
-        """Move the experiment to another rig; return what had to be left out. Raises as `replace`."""
+        """Move the experiment to another rig; return the channels and runs that were left out, in words.
+
+        `kind`, `bench` and `options` are those of `bench.Chosen`. Raises as `replace`.
+        """
         with self._lock:
             content = self.checked.content
             content = {**content, "rig": asked_rig(kind, bench, options, content.get("rig", {}))}
@@ -105,7 +114,7 @@ class BenchDocument:
             return left_out
 
     def _take(self, made: Checked) -> None:
-        """Put the content on the bench; it can be undone."""
+        """Put a checked content on the bench, as a change that can be undone."""
         if made.content != self.checked.content:
             self._ask(made)
             self._before = [*self._before, self.checked][-MOST_KEPT:]
@@ -117,7 +126,7 @@ class BenchDocument:
             self.limits_change(self.checked.limits, made.limits)
 
     def undo(self, again: bool = False) -> bool:
-        """Undo the last change, or redo it with `again`; return False if nothing was left to do."""
+        """Undo the last change, or redo it with `again`; return False if there is none to undo or redo."""
         with self._lock:
             source, target = (self._undone, self._before) if again else (self._before, self._undone)
             if not source:
@@ -151,7 +160,7 @@ class BenchDocument:
         self.replace(load_yaml(self._folder.path(name)), name)
 
     def save(self, name: str) -> None:
-        """Save as an experiment file of the folder, atomically."""
+        """Save the experiment as the file `name` of the folder, atomically; it gets that name."""
         if not name.endswith(".yaml"):
             raise QuantityError(f"{name[:60]!r}: an experiment file is called NAME.yaml")
         path = self._folder.path(name)
@@ -161,7 +170,7 @@ class BenchDocument:
         self.name = name
 
     def of_runs(self, names: list[str]) -> dict[str, Any]:
-        """Return the content with these runs only."""
+        """Return the experiment's content with only the named runs; QuantityError for an unknown name."""
         runs = [run for run in self.checked.content["runs"] if run["name"] in names]
         if not runs or len(runs) < len(set(names)):
             raise QuantityError(f"there is no run {', '.join(names) or 'chosen'}")
@@ -184,7 +193,11 @@ class BenchDocument:
         }
 
     def _variables(self) -> Iterator[dict[str, Any]]:
-        """Yield every variable that an input can set: name, value in SI, unit, meaning, place in the file."""
+        """Yield every variable that an input field of the page can set.
+
+        Each has name, value in SI, unit, label, path (its place in the file) and kind (the part of the
+        experiment: experiment, actuator, friction or rig).
+        """
         file, found = self.checked.file, self.checked.cells
         for name, value in file.variables.items():
             unit = _unit_of(name, value)
@@ -209,7 +222,10 @@ class BenchDocument:
 
 
 def _files(file: ExperimentFile) -> Iterator[str]:
-    """Yield the names of files that an experiment refers to; they must be in the panel's folder."""
+    """Yield the names of the user's files in an experiment; they must be in the panel's folder.
+
+    Parameter sets, benches and calibrations of the package are left out.
+    """
     bench = getattr(file.rig, "bench", "")
     named = [(bench, available_benches()), (file.actuator.set, available_sets())]
     known = available_calibrations()
@@ -235,7 +251,10 @@ _VARIABLES = tuple(dict.fromkeys([*_SLIDING, *map(ANGLE.unit, _SLIDING)]))
 
 
 def _unit_of(name: str, value: Any) -> str | None:
-    """Return the SI unit in which a variable is given; None for a text that is not a quantity."""
+    """Return the SI unit of a variable's value, "" for a number.
+
+    None: a text that is not a quantity in one of the known units.
+    """
     if isinstance(value, int | float):
         return ""
     # The unit library treats a radian as a plain number: 5 mN m would be a stiffness, and 3 % an angle.

@@ -1,4 +1,4 @@
-"""One state of the Explore page: its experiment, the simulated motion, and the same as Python code."""
+"""One state of the Explore page: actuator and drive, the simulated motion, and Python code for it."""
 
 from __future__ import annotations
 
@@ -25,16 +25,17 @@ from . import piezo_sliders
 from .sets import PACKAGE, Sets
 from .sliders import law_types, shapes
 
-# Sampling points: of the whole time, of one period of the friction loop, and of the ring-down after each
-# break of the drive, in the whole and in the friction loop.
+# Number of sampling points: over the whole time, over the last period (drawn as the friction loop), and over
+# the ring-down after each break (jump or corner) of the drive, for the whole time and for the last period.
 POINTS, LOOP_POINTS, RING_POINTS, LOOP_RING_POINTS = 1200, 200, 40, 300
-RING_TIME = 40.0  # over the stage's natural frequency [rad/s]: about six periods
-MOST_RINGS = 50
-MOST_PERIODS = 10_000
-LONGEST = 100.0  # s
-TOLERANCE = 1e-9  # m, or rad for rotary actuators
-MOST_STEPS = 500_000  # integration steps: about a second
-CURVE_POINTS = 25
+# Length of a ring-down times the stage's natural frequency [rad/s]: about six periods of vibration.
+RING_TIME = 40.0
+MOST_RINGS = 50  # breaks of the drive, the last ones, with a finer grid after them
+MOST_PERIODS = 10_000  # of the drive, in one simulation
+LONGEST = 100.0  # s, longest simulation
+TOLERANCE = 1e-9  # m, or rad for rotary actuators: error of simulated positions
+MOST_STEPS = 500_000  # integration steps of a simulation: about a second of computing
+CURVE_POINTS = 25  # points of a curve of the step over amplitude or frequency
 CURVE_SECONDS = 1.0  # s, after which the rest of a curve is left out
 
 _LENGTH = Quantity("s", "T", "length of the experiment", above=0, maximum=LONGEST)
@@ -46,9 +47,9 @@ Array = NDArray[np.float64]
 class Model(Strict):
     """An actuator in a request of the page. Values are in SI or texts with units; infinity is "inf".
 
-    `set` is a parameter set, see `sets`. `model` has the fields of `Actuator` and of `piezo_sliders`; fields
-    that are left out keep the set's values. `friction` has the fields of `law`; elements are "stiffness_1"
-    and so on.
+    `set` names a parameter set. `model` has changed fields of `Actuator` and of `piezo_sliders`; fields that
+    are left out keep the set's values. `friction` has all fields of the friction law `law`; those of its
+    elements are "stiffness_1", "strength_1" and so on.
     """
 
     set: str = Field(max_length=100)
@@ -57,7 +58,10 @@ class Model(Strict):
     friction: dict[str, Value] = Field(max_length=80)
 
     def actuator(self, sets: Sets = PACKAGE) -> Actuator:
-        """Return the actuator; raises QuantityError for a wrong value."""
+        """Return the actuator of the request; raises QuantityError for a wrong value.
+
+        `sets` finds its parameter set: by default only those of the package.
+        """
         base = sets.actuator(self.set)
         changes: dict[str, Any] = dict(self.model)
         if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
@@ -87,14 +91,15 @@ class Model(Strict):
 
 
 class SliderState(Model):
-    """Values of the sliders: an actuator, the waveform's name (`shape`) and fields, and the length [s]."""
+    """State of the page: an actuator, the drive's `shape` (name of a waveform) and its fields in `waveform`,
+    and the `duration` of the simulation [s]."""
 
     shape: str
     waveform: dict[str, Value] = Field(max_length=20)
     duration: Value
 
     def experiment(self, sets: Sets = PACKAGE) -> tuple[Actuator, Waveform, float]:
-        """Return the actuator, its drive and the length [s]; raises QuantityError for a wrong value."""
+        """Return the actuator, its drive and the duration [s]; raises QuantityError for a wrong value."""
         actuator = self.actuator(sets)
         waveform = _known(shapes(), self.shape, "shape")(**self.waveform)
         seconds = _LENGTH.check(self.duration, "duration")
@@ -119,10 +124,11 @@ def _period(waveform: Any) -> float | None:
 
 
 def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tuple[Array, float]:
-    """Return times that resolve all details, and the start of the last whole period, s.
+    """Return sampling times [s, increasing] for the page's plots, and the start of the last whole period [s].
 
     The grid is even over the whole time and finer over the last period, for the friction loop. It is finest
-    over the ring-down after each break of the drive (the last `MOST_RINGS` of them).
+    just after each of the last `MOST_RINGS` breaks of the drive, where the stage vibrates. The start is 0
+    without a whole period.
     """
     period = _period(waveform)
     last = 0.0
@@ -144,10 +150,11 @@ def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tup
 
 
 class ShownMotion(NamedTuple):
-    """A trajectory: arrays [times]; `problem` says why it ends early, if it does.
+    """A trajectory as arrays [times], in SI; `problem` says why it ends early ("" if it does not).
 
-    `loop`: first sample of the last period and the sample after it (the whole motion for a drive without a
-    period); `unit`: m, or rad for rotary actuators.
+    `loop` has the indices of the first sample of the last period and of the first sample after that period
+    (0 and the number of samples for a drive without a period). `unit` is that of positions: m, or rad for
+    rotary actuators.
     """
 
     time: Array
@@ -166,7 +173,10 @@ class ShownMotion(NamedTuple):
 
 
 def motion(state: SliderState, sets: Sets = PACKAGE) -> ShownMotion:
-    """Return the trajectory of a state; raises SimulationError if not even two samples can be computed."""
+    """Simulate the state of the page and return the trajectory.
+
+    Raises SimulationError if fewer than two samples can be computed, QuantityError for a wrong value.
+    """
     actuator, waveform, duration = state.experiment(sets)
     wanted, last = sample_times(actuator, waveform, duration)
     found = follow_model(actuator, waveform, wanted, tolerance=TOLERANCE, max_steps=MOST_STEPS)
@@ -183,6 +193,8 @@ def motion(state: SliderState, sets: Sets = PACKAGE) -> ShownMotion:
 
 def mean_speed(state: SliderState, found: ShownMotion, sets: Sets = PACKAGE) -> float | None:
     """Return the mean speed [m/s, or rad/s] from the end of the first to the end of the last whole period.
+
+    `found` is the trajectory that `motion` computed for `state`.
 
     Both instants have the same phase of the drive, so elastic deflection does not count. None if there are
     fewer than two periods. For a drive without a period: from the first to the last sample.
@@ -201,9 +213,10 @@ def mean_speed(state: SliderState, found: ShownMotion, sets: Sets = PACKAGE) -> 
 def step_curves(state: SliderState, sets: Sets = PACKAGE) -> dict[str, Array]:
     """Return the steady step per period [m, or rad] over amplitude [V] and over frequency [Hz].
 
-    Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, step (one value: at the present
-    drive) and in_time (1; 0 if points were left out because they take too long). NaN if there is no steady
-    stepping, or the voltage leaves the actuator's range. All empty for a drive without a period.
+    Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, step (one value, of the present
+    drive) and in_time (1, or 0 if points were left out because they take too long). A step is NaN if there is
+    no steady stepping, if the voltage leaves the actuator's range, or if the point was left out. All arrays
+    are empty for a drive without a period, an amplitude or a frequency.
     """
     actuator, waveform, _ = state.experiment(sets)
     if _period(waveform) is None or not {"amplitude", "frequency"} <= set(waveform._fields):  # type: ignore[attr-defined]
@@ -252,7 +265,7 @@ def _step(actuator: Actuator, drive: Any, give_up: float) -> float:
 
 
 def python(state: SliderState, sets: Sets = PACKAGE) -> str:
-    """Return Python code that gives the same trajectory and step."""
+    """Return a Python script that simulates the state of the page with the public functions of stickslip."""
     actuator, waveform, duration = state.experiment(sets)
     base = sets.actuator(state.set)
     changed = {
@@ -296,7 +309,7 @@ def _record(record: Any) -> str:
 
 
 def _own(kind: type) -> str:
-    """Return the line that imports a user's own law or waveform."""
+    """Return the line that imports a user's own law, waveform or hysteresis model; "" for the package's."""
     place = registry.origin(kind)
     if kind.__module__.startswith("own_"):
         return f"{kind.__name__} = ss.registry.use_file({place!r}).{kind.__name__}"

@@ -30,9 +30,10 @@ SHOWN = (
 
 
 def explore_routes(sets: Sets) -> APIRouter:
-    """Return the routes. They keep nothing: all state is in the requests.
+    """Return the routes of the Explore page. The server keeps nothing: all state is in the requests.
 
-    A wrong value is answered with status 422, the `field` of the state and the reason as `error`.
+    A wrong value is answered with status 422, the reason as `error`, and the `field` of the request that it
+    is about.
     """
     routes = APIRouter(prefix="/api/explore")
 
@@ -73,7 +74,7 @@ def explore_routes(sets: Sets) -> APIRouter:
 
 
 def binary(header: dict[str, Any], arrays: Mapping[str, ArrayLike]) -> Response:
-    """Return a binary response: a header with the names of the arrays, and the arrays."""
+    """Return an HTTP response with arrays as float32, behind a JSON header that also lists their names."""
     body = packed({**header, "names": list(arrays)}, *arrays.values())
     return Response(body, media_type="application/octet-stream")
 
@@ -83,7 +84,10 @@ def refused(error: Exception) -> JSONResponse:
 
 
 def field_of(message: str) -> str:
-    """Return the field that an error is about, such as "friction.sigma_0"; "" if it names none."""
+    """Return the field of the request that an error message is about, such as "friction.sigma_0".
+
+    Messages start with the field's name. "" if the message names none.
+    """
     found = re.match(r"(?:(\w+)\.)?(\w+)(?:\[(\d+)\])?", message)
     if found is None:
         return ""

@@ -1,7 +1,7 @@
-"""Process for fits: it can be ended at any time, and the page's stream never waits for it.
+"""Separate process that runs the fits of the Identify page, so that a fit can be cancelled at any time.
 
-It starts when the Identify page is first opened. A fit then does not wait for imports, and a bench without
-fits does not pay for them.
+The page's stream of messages never waits for it. The process starts when the Identify page is first opened: a
+fit then need not wait for the imports, and a panel without fits does not load them.
 """
 
 from __future__ import annotations
@@ -24,22 +24,26 @@ from .folder import Folder
 
 
 class FitTask(NamedTuple):
-    """A request for a fit; its report goes into the folder `out`."""
+    """A request for a fit; `out` is the subfolder of the panel's folder for its report."""
 
     request: FitRequest
     out: str
 
 
 def work(connection: Connection, root: str, used: Sequence[str] = ()) -> None:
-    """Run fits until the panel closes the connection, which carries requests and messages.
+    """Run fits in the process for fits until the panel closes the connection.
 
-    The messages are those of `fit_recordings`; the last one of a fit is "done" or "failed".
+    Args:
+        connection: gives a `FitTask` for each fit, and takes messages (kind, fields, float32 arrays): those
+            of `fit_recordings`, and "done" or "failed" as the last one of a fit.
+        root: the panel's folder.
+        used: the user's own Python files to run first, with laws and waveforms.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the connection
     come_last()
     from .fitting import fit_recordings  # not above: the server imports this module, but fits nothing
 
-    for file in used:  # the user's own files, which the server has run already
+    for file in used:  # the server has run these files already; this process needs their laws too
         use_file(file)
     while True:
         try:

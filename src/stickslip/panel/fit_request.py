@@ -8,13 +8,15 @@ from .exploration import Model, Value
 
 
 class FitRequest(Model):
-    """Request for a fit.
+    """Request for a fit of recordings in the panel's folder.
 
-    It names the recordings (in the panel's folder), their part from `begin` to `end` [s], the model at which
-    the fit starts, its free parameters, and their bounds. `others` are only predicted.
+    The fields of `Model` give the initial guess. `recordings` are fitted from `begin` to `end` [s]; `others`
+    are only predicted. `free` names the fitted parameters, `bounds` their lower and upper bounds.
 
-    `loops` and `steps` are recordings of the clamped end-effector: loops, driven slowly to and fro, give
-    hysteresis and creep; steps give the mode of the stage. `slew_rate` [V/s] is the amplifier's, if known.
+    `loops` and `steps` are recordings with the end-effector clamped. Loops, driven slowly to and fro, give
+    hysteresis and creep; voltage steps give the mode of the stage. `slew_rate` [V/s] is the amplifier's, None
+    if unknown. The fit is repeated from `starts` initial guesses; `hops` is the largest number of further
+    searches for a lower minimum.
     """
 
     recordings: list[str] = Field(min_length=1, max_length=20)

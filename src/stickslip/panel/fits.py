@@ -18,18 +18,18 @@ from .fit_request import FitRequest
 from .folder import Folder
 from .stream import Hub, packed
 
-REPORTS = "fits"
-RUNNING = "running"
-_SHOWN = "shown.json"  # beside a report: the state of the fit as the page showed it
-MOST_CURVES = 32_000_000  # bytes of a file of curves: pages get 2,000 points of each channel
+REPORTS = "fits"  # subfolder of the panel's folder for the reports of fits
+RUNNING = "running"  # phase of a fit that has not ended
+_SHOWN = "shown.json"  # file beside a report: the state of the fit as the page showed it
+MOST_CURVES = 32_000_000  # bytes, largest file of curves that is read; a curve has about 2,000 points
 
 
 class Fitting:
     """Current or last fit of a panel; all pages show the same.
 
     Attributes:
-        state: the fit, as it is sent to pages.
-        frames: curves of the fit by kind, packed for the stream.
+        state: the fit as it is sent to pages; `phase` is "none", "running", "done", "failed" or "cancelled".
+        frames: curves of the fit by kind, as binary messages (see `packing.packed`).
     """
 
     def __init__(self, folder: Folder, hub: Hub) -> None:
@@ -49,7 +49,7 @@ class Fitting:
                 self._ensure_process()
 
     def start(self, request: FitRequest) -> None:
-        """Start a fit; raises ValueError while another runs."""
+        """Start a fit and return at once; raises ValueError while another runs."""
         with self._lock:
             if self.state["phase"] == RUNNING:
                 raise ValueError("a fit is running: wait for it, or cancel it")
@@ -74,7 +74,7 @@ class Fitting:
         self.start_process()
 
     def close(self) -> None:
-        """Stop the process, and start no other."""
+        """Stop the process for fits, and a fit with it, for good: the panel closes."""
         with self._lock:
             self._closed = True
             self._end()
@@ -109,7 +109,10 @@ class Fitting:
         self._hub.send(json.dumps({"kind": "fit", **self.state}))
 
     def _listen(self, connection: Any, process: Any) -> None:
-        """Receive the messages of a process until it ends."""
+        """Receive the messages of the process for fits until it ends, in a thread.
+
+        A process that ended during a fit makes it failed; messages of a cancelled fit are ignored.
+        """
         while True:
             try:
                 kind, fields, arrays = connection.recv()
@@ -159,7 +162,7 @@ def _keep(folder: Folder, out: str, state: dict[str, Any], frames: dict[str, byt
 
 
 def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return the state and the curves of the newest complete fit in the folder."""
+    """Return state and curves of the newest complete fit in the folder; phase "none" without one."""
     for path in sorted(folder.root.glob(f"{REPORTS}/*/{_SHOWN}"), reverse=True):
         try:
             return _saved(folder, path)

@@ -43,29 +43,30 @@ from .sets import Sets
 if TYPE_CHECKING:
     import xarray as xr
 
-PAUSE = 0.12  # s between two pictures of a fit in motion
-SHOWN = 2000  # samples of a recording in a picture
-STEP_SHOWN = 0.02  # s of a step response in a picture
-_DRAFT = 1e-10  # m, rad for rotary actuators: tolerance of simulations that are only drawn
+PAUSE = 0.12  # s, shortest time between two messages with the curves of a running fit
+SHOWN = 2000  # samples of a recording that are drawn
+STEP_SHOWN = 0.02  # s of a step response that are drawn after the step
+_DRAFT = 1e-10  # m, rad for rotary actuators: position tolerance of simulations that are only drawn
 
 Array = NDArray[np.float64]
-# Receiver of messages: kind, fields, and arrays that belong to them.
+# Function that sends a message on the progress: kind, fields, and arrays to draw.
 Say = Callable[[str, dict[str, Any], Sequence[Array]], None]
 
 
 def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> None:
-    """Fit as requested, and send messages on the progress.
+    """Fit as requested, verify the fit, write its report, and send messages on the progress.
 
     Their kinds: "hysteresis", "stage", "recordings", "step" (often), "fitted", "verified", "report".
 
     Args:
-        request: what to fit.
-        folder: folder of the recordings.
-        out: name of the subfolder for the report.
-        say: called with each message.
+        request: recordings, initial guess and free parameters.
+        folder: the panel's folder, with the recordings.
+        out: name of its subfolder for the report.
+        say: called with kind, fields and arrays of each message.
 
     Raises:
-        RecordingError, QuantityError, FitError: see `identify_friction`.
+        RecordingError, QuantityError, FitError: a recording cannot be read, a value is wrong, or the fit
+            failed; see `identify_friction`.
     """
     start = request.actuator(Sets(folder))
     rate = None if request.slew_rate is None else to_si(request.slew_rate, "V/s", "slew_rate")
@@ -113,7 +114,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
         walks |= {str(r.title): UsedWalk("verify", r) for r in unseen}
         notes = "" if stage is None else _said_of(stage, request.steps)
         document = walk_document("Identification", fit, actuator, walks, notes)
-        # `stickslip verify` also needs the amplifier's slew rate, which is not part of a fit.
+        # The results also get the amplifier's slew rate, which no fit contains: `stickslip verify` needs it.
         known = math.inf if rate is None else rate
         chain = Chain(fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=known)
         numbers = {**document.numbers, "signal_chain": chain_numbers(chain)}
@@ -127,7 +128,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
 
 
 def _named(folder: Folder, names: Sequence[str]) -> list[xr.Dataset]:
-    """Return whole recordings of the folder, with their names as titles."""
+    """Return recordings of the folder in full length, with their names as titles."""
     return [read_recording(folder.path(name)).assign_attrs(title=name) for name in names]
 
 
@@ -155,7 +156,10 @@ def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say
 
 
 def _near(step: xr.Dataset, measured: Array, model: Array) -> tuple[Array, Array, Array]:
-    """Return time [s], measured and model around a step, until its vibration has decayed."""
+    """Return time [s], measured and modelled position [m] from 5 ms before to 20 ms after a voltage step.
+
+    The step is the first sample at which the drive has changed by more than half its range.
+    """
     time_, drive = step["time"].values, step["drive_voltage"].values
     at = time_[int(np.argmax(np.abs(drive - drive[0]) > 0.5 * np.ptp(drive)))]
     kept = (time_ > at - STEP_SHOWN / 4) & (time_ < at + STEP_SHOWN)
@@ -173,7 +177,7 @@ def _said_of(stage: Fit, names: Sequence[str]) -> str:
 
 
 class _Drafts:
-    """Pictures of a running fit, with the best values so far; called by `identify_friction`."""
+    """Sends the curves of the best model so far while a fit runs; `identify_friction` calls it."""
 
     def __init__(
         self, recordings: Sequence[xr.Dataset], request: FitRequest, say: Say, slew_rate: float | None
@@ -184,7 +188,10 @@ class _Drafts:
         self._count = sum(r.sizes["time"] for r in recordings)
 
     def begin(self, actuator: Actuator) -> None:
-        """Read the drives, and send the recordings."""
+        """Prepare the simulations of all recordings, and send the recordings and the initial model's curves.
+
+        `actuator` has the initial values.
+        """
         names = [str(r.title) for r in self._recordings]
         self._varied = Varied(actuator)
         self._motions = [
@@ -215,7 +222,10 @@ class _Drafts:
             self.draw(state.values, fields)
 
     def draw(self, values: Mapping[str, float], fields: dict[str, Any] | None = None) -> None:
-        """Send the curves of the model for these values."""
+        """Send the model's curves for parameter values by name, with `fields` of the message.
+
+        Without `fields` the message has the values. No curves are sent if the values cannot be simulated.
+        """
         try:
             curves = [observed(motion, self._varied, dict(values)) for motion in self._motions]
         except ArithmeticError:  # some trial values cannot be simulated
@@ -237,7 +247,7 @@ def _read(folder: Folder, name: str, request: FitRequest) -> xr.Dataset:
 
 
 def _thin(values: Array) -> Array:
-    """Return at most about SHOWN samples of a curve, including the last one."""
+    """Return every n-th sample of a curve, about `SHOWN` at most, including the first and the last one."""
     if not values.size:
         return values
     end = values.size - 1
@@ -245,7 +255,7 @@ def _thin(values: Array) -> Array:
 
 
 def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
-    """Return the fitted model as the fields of a request."""
+    """Return the fitted model as fields of `exploration.Model`: law, its values, fitted model fields."""
     from .sliders import plain, values_of
 
     found = {*fit.values, *(stage.values if stage is not None else ())}
@@ -257,9 +267,9 @@ def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
 
 
 def _advised(request: FitRequest, fit: Fit) -> dict[str, Any] | None:
-    """Return the request with the additions that the fit's advice proposes.
+    """Return the request, as a dictionary, with the additional terms that the fit advises.
 
-    None without advice, or if several terms explain the walks equally well: then the user chooses.
+    None if it advises none, or if several terms explain the walks equally well: then the user chooses.
     """
     advice = fit.advice
     if advice is None or not advice.cause or advice.equal:

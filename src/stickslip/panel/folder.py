@@ -19,7 +19,9 @@ from .sharing import Shared
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
 STORE = "zarr.json"  # a folder with this file is a study's store
 _LONGEST_MESSAGE = 1500  # characters, about ten lines of a page
-_SETTLED = 2e9  # ns after which a folder's modification time is certain to show a change, on any file system
+# ns: some file systems count modification times in steps of 2 s. A folder that changed within this time is
+# listed again, because a second change may not show.
+_SETTLED = 2e9
 
 
 class FolderError(ValueError):
@@ -71,7 +73,7 @@ class Folder:
         return found
 
     def name(self, path: Path) -> str:
-        """Return the name of a file in the folder."""
+        """Return the name of a file in the folder: its path relative to the folder, with slashes."""
         return path.resolve().relative_to(self.root).as_posix()
 
     def files(self, *suffixes: str) -> list[File]:
@@ -112,7 +114,10 @@ class Folder:
                 yield from self._walk(f"{inside}{name}/")
 
     def _content(self, inside: str) -> _Content:
-        """List a folder again only if it has changed: many pages ask for lists of hundreds of runs."""
+        """Return the content of the subfolder `inside` ("" for the folder itself).
+
+        It is listed again only if it has changed: many pages ask for lists of hundreds of runs.
+        """
         path, now = f"{self.root}/{inside}", time.time_ns()
         changed = os.stat(path).st_mtime_ns
         known = self._known.get(inside)
@@ -128,7 +133,10 @@ class Folder:
         return content
 
     def told(self, text: str) -> str:
-        """Return a message without paths of this machine; paths in the folder are made relative to it."""
+        """Return a message for a page without this machine's paths: they become relative to the folder.
+
+        Of paths elsewhere only the file's name stays. The middle of a very long message is left out.
+        """
         text = text.replace(f"{self.root}{os.sep}", "").replace(str(self.root), "the panel's folder")
         if len(text) > _LONGEST_MESSAGE:  # it may quote names and values as long as a file
             text = f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"

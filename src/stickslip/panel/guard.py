@@ -89,7 +89,10 @@ class Guard:
     async def _slowly(
         self, scope: Scope, headers: dict[str, str], refused: tuple[int, str]
     ) -> tuple[int, str]:
-        """Return the same answer, after a delay if a wrong token was sent."""
+        """Return the refusal (status and reason), after `PENALTY` seconds if a wrong token was sent.
+
+        The delay makes guessing tokens slow.
+        """
         if not any(_offered(scope, headers)):
             return refused
         address = (scope.get("client") or ("",))[0]
@@ -130,7 +133,10 @@ class Guard:
         return f"a request may have up to {self._largest / 2**20:.3g} MiB"
 
     def _refused(self, scope: Scope, headers: dict[str, str], role: str) -> tuple[int, str] | None:
-        """Return status and reason of a refusal, or None. `role` is the token's, "" without a valid token."""
+        """Return HTTP status and reason if the request must be refused, else None.
+
+        `role` is the token's, "" without a valid token.
+        """
         host = headers.get("host", "").lower()
         if not self._known(host):
             return 421, "this panel does not answer under that host name"
@@ -173,9 +179,9 @@ class Guard:
 
 
 def _offered(scope: Scope, headers: dict[str, str]) -> list[str]:
-    """Return the tokens in a request.
+    """Return the tokens that a request sends: "" for an absent bearer, and no entry for an absent cookie.
 
-    A token in the address of the page replaces the others: the cookie may have another role.
+    A token in the page's address replaces the others, because the cookie may have another role.
     """
     if scope["path"] == "/" and b"token=" in scope["query_string"]:
         return parse_qs(scope["query_string"].decode("latin-1")).get("token", [])

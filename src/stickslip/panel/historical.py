@@ -31,9 +31,9 @@ from .uploading import add_uploads
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_ROWS = 500  # rows of an answer; further ones are counted, and found by a search
-MOST_COMPARED = 8
-_LEFT_OUT = ("settings", "channels", "bytes")  # of a row in the list
+MOST_ROWS = 500  # most runs in one list; further ones are only counted, and a search finds them
+MOST_COMPARED = 8  # most recordings drawn over each other
+_LEFT_OUT = ("settings", "channels", "bytes")  # fields of a run that the list does not contain
 
 
 class NamedRun(Strict):
@@ -57,7 +57,10 @@ class Annotation(Strict):
 
 
 class Overlay(Strict):
-    """Request for a channel of several recordings over a common time, reduced for the screen."""
+    """Request for one channel of several recordings over a common time axis, reduced for the screen.
+
+    `begin` and `end` [s] limit the time (None: all), and `points` is the number of points to draw.
+    """
 
     names: list[str] = Field(min_length=2, max_length=MOST_COMPARED)
     channel: str
@@ -69,9 +72,16 @@ class Overlay(Strict):
 def history_routes(
     folder: Folder, hub: Hub, control: Control, read: Reader, logs: Callable[[], dict[str, Path]]
 ) -> APIRouter:
-    """Return the routes. `logs` returns the folders of the logs, by name.
+    """Return the routes of the History page.
 
-    All pages share one index; a damaged file costs its reading time only once.
+    All pages share one index (a database of the folder's runs); a damaged file is read only once.
+
+    Args:
+        folder: the panel's folder.
+        hub: sends changes to the pages.
+        control: which page may delete.
+        read: reads recordings in a process of its own.
+        logs: takes nothing; returns the folders of the logs to show, by name.
     """
     routes = APIRouter(prefix="/history")
     shelf = Shelf(folder, read)
@@ -184,7 +194,7 @@ def _add_bin(routes: APIRouter, folder: Folder, hub: Hub, control: Control, read
 
 
 def _parsed(row: dict[str, Any]) -> dict[str, Any]:
-    """Return the row with its JSON columns parsed."""
+    """Return a run of the index with its columns "links" and "settings" parsed from JSON."""
     return row | {name: json.loads(row[name] or "{}") for name in ("links", "settings") if name in row}
 
 

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
-# A report is a page of its own: it may have styles, and nothing else.
+# Content security policy of a report, which opens as a separate page: inline styles and embedded images, no
+# scripts.
 _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
 
 
@@ -40,7 +41,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
 
     @lru_cache(maxsize=2000)
     def described(path: Path, changed: float) -> dict[str, Any]:
-        del changed  # part of the key
+        del changed  # only a part of the cache's key: a changed file is read again
         try:
             return read(path, partial(_described, folder.root))
         except ReaderBusy:  # must not be cached
@@ -97,7 +98,11 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
 
 
 def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
-    """Describe a recording in the panel's folder; "problem" says why no walk can be fitted to it."""
+    """Describe a recording in the panel's folder `root`.
+
+    "jumps": the drive has jumps; "bench": recorded by a rig. "problem" says why no walk can be fitted to it,
+    "" if one can.
+    """
     time_ = recording["time"].values
     missing = [name for name in (OBSERVED, "drive_voltage") if name not in recording]
     found = {
@@ -114,10 +119,11 @@ def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
 
 
 def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the set-up that a recording of the bench names.
+    """Return the set-up that the attributes of a recording name.
 
-    "set", "clamped" and "stage_reaction" of the actuator; "slew_rate" [V/s] of the bench's amplifier into its
-    piezo. Empty for a user's own file, and without sets and benches that the panel cannot find.
+    "set" (parameter set), "clamped" and "stage_reaction" of the actuator; "slew_rate" [V/s] of the virtual
+    bench's amplifier at its piezo. Empty for a user's own file. Sets and benches that the panel cannot find
+    are left out.
     """
     actuator = str(attrs.get("actuator", ""))
     found: dict[str, Any] = {
@@ -140,7 +146,11 @@ def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _own_name(root: Path, name: str, known: Container[str]) -> str | None:
-    """Return a name in the package, or of a file in the panel's folder; None for others."""
+    """Return the name by which the panel knows a parameter set or bench; None if it does not know it.
+
+    `name` is returned if it is among the package's `known` names. For the path of a file in the panel's
+    folder `root`, the path relative to the folder is returned.
+    """
     if name in known:
         return name
     path = Path(os.path.realpath(name))

@@ -27,7 +27,7 @@ from .journal import Journal
 from .roles import need_role
 from .stream import Client, Hub
 
-LOOKS = 0.5  # s between two looks at the interlock: other programs may change it
+LOOKS = 0.5  # s between two queries of the interlock's state, which other programs may change
 _ANSWERS = 1.0  # s in which the rig's process must answer
 
 
@@ -45,10 +45,11 @@ class PermitAct(Why):
 
 
 class Interlocks:
-    """Last known state of the interlock; `state` has the fields of `rig.interlock`.
+    """Last known state of the interlock; `state` has the fields of `rig.interlock.Interlock.state`.
 
     Args:
-        hub, journal: receive every change.
+        hub: sends every change of the state to the pages.
+        journal: logs the acts of pages.
         document: names the rig on the bench.
         folder: the panel's.
         rigs: the folder of the process that owns the panel's virtual rig.
@@ -71,7 +72,7 @@ class Interlocks:
         return isinstance(self._document.checked.file.rig, VirtualRigSpec)
 
     def need(self) -> None:
-        """Raise InterlockError if a run would be refused; the rig's process checks again itself."""
+        """Raise InterlockError if a run would be refused. The rig's process checks again at the start."""
         self.look()
         Interlock.of_state(self.state).need()
 
@@ -92,8 +93,11 @@ class Interlocks:
         self._hub.tell("interlock", **found)
 
     def act(self, do: str, **what: Any) -> None:
-        """Arm or disarm the output, acknowledge a fault, or change a permit; raise ValueError or RigError if
-        the act is refused."""
+        """Arm or disarm the output, acknowledge a fault, or change a permit.
+
+        `do` is "arm", "disarm", "acknowledge" or "permit"; `what` has `why`, and for a permit `name` and
+        `given`. Raises ValueError or RigError if the act is refused.
+        """
         asker = asking()
         who = asker.named(self._document.checked.file.operator)
         who += f" at {asker.address}" if asker.address else ""
@@ -156,7 +160,10 @@ class Interlocks:
         return rigs_of(self._document.checked.file, self._rigs, self._folder.root)
 
     def _seen(self, place: Path) -> dict[str, Any] | None:
-        """Return the state from the rig's process, or from its file without one; None without an answer."""
+        """Return the interlock's state from the rig's process, None if it does not answer.
+
+        If no process runs, the state comes from the interlock's file.
+        """
         if not (place / "rig.json").exists():
             return Interlock(place / FILE).state()
         link = greeted(place, "the panel", _ANSWERS)
@@ -176,7 +183,7 @@ _DONE = {"arm": "armed", "disarm": "disarmed", "acknowledge": "fault acknowledge
 
 
 def interlock_routes(control: Control, interlocks: Interlocks) -> APIRouter:
-    """Return the routes.
+    """Return the routes of the interlock.
 
     The page in control may arm, acknowledge and give permits; every page may disarm and withdraw permits.
     """

@@ -1,4 +1,7 @@
-"""The log of the panel: lines are kept on the disk and sent to every page, missed ones on request."""
+"""The log of the panel: lines are kept on the disk and sent to every page.
+
+A page that connects again receives the lines that it missed.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,10 @@ class Journal:
         hub.greetings.append(self._missed)
 
     def __call__(self, text: str, level: str = "info", why: str = "") -> None:
-        """Write a line, from any thread. Levels: info, warning, error."""
+        """Write a line to the log, from any thread.
+
+        `level` is "info", "warning" or "error"; `why` is the reason that a user gave, "" without one.
+        """
         asker = asking()
         who = asker.named(self.operator())
         shown = self._folder.told(" ".join(text.split()))
@@ -38,12 +44,12 @@ class Journal:
 
     def _missed(self, client: Client, said: dict[str, Any]) -> Iterable[Message]:
         lines, last = [_line(one) for one in tail(self._book.path, SHOWN)], said.get("log", 0)
-        if lines and isinstance(last, int) and last <= lines[-1]["id"]:  # else it knows those of another file
+        if lines and isinstance(last, int) and last <= lines[-1]["id"]:  # a higher id is of another log
             lines = [one for one in lines if one["id"] > last]
         if lines:
             yield json.dumps({"kind": "log", "entries": lines})
 
 
 def _line(entry: Entry) -> dict[str, Any]:
-    """Return the line as pages receive it; ids start at 1."""
+    """Return a line of the log as pages receive it; its ids start at 1."""
     return {**entry._asdict(), "id": entry.id + 1, "text": entry.what}

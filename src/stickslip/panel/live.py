@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from .decimation import Float32, extremes, window
 from .stream import Client, Hub, Message, packed
 
-SHOWN = 1250  # buckets of a whole run: 2500 points, few enough for a browser to draw all connecting lines
+# Fewest buckets of samples into which a long run is divided; it has less than twice as many. Each gives two
+# points (minimum and maximum): few enough for a browser to draw all connecting lines.
+SHOWN = 1250
 
 
 class Live:
@@ -49,14 +51,13 @@ class Live:
         """Start a run.
 
         Args:
-            title: of the run.
+            title: title of the run.
             columns: name, unit and label of each channel.
-            rate: Hz.
+            rate: sampling rate, Hz.
             samples: number of samples of each channel.
             before: number of samples before the drive starts; time 0 is after them.
             pre_trigger: s of the recording before its trigger. The trigger is assumed at time 0 until
-                `triggered`
-                is called.
+                `triggered` is called.
         """
         if samples * len(columns) > self._largest:
             raise MemoryError(f"{samples} samples of {len(columns)} channels are too many to show")
@@ -83,7 +84,10 @@ class Live:
             self._hub.send(json.dumps(self._header))
 
     def triggered(self, sample: int) -> None:
-        """Set the sample of the recording's trigger: pages then show the run over the recording's time."""
+        """Set the trigger of the recording; pages then start the time axis at the recording's first sample.
+
+        `sample` is the index of the trigger's sample in the run.
+        """
         with self._lock:
             if self._header is None:
                 return
@@ -93,11 +97,11 @@ class Live:
 
     @property
     def begun(self) -> bool:
-        """Return True if the run has samples."""
+        """Return True if at least one sample of the run has arrived."""
         return self._filled > 0
 
     def add(self, block: Mapping[str, NDArray[np.float64]]) -> None:
-        """Append samples of each channel."""
+        """Append samples [n] of each channel, in the order of the run's columns."""
         rows = list(block.values())
         with self._lock:
             end = min(self._filled + rows[0].size, self._values.shape[1])
@@ -123,7 +127,7 @@ class Live:
             if self._header is None:
                 return
             self._send()
-            if self._filled > self._sent * self._bucket:  # less than a bucket, and so in no block
+            if self._filled > self._sent * self._bucket:  # an incomplete bucket, in no block
                 self._tell_latest()
 
     def _latest(self) -> list[float]:
@@ -139,7 +143,13 @@ class Live:
             self._hub.send(message)
 
     def window(self, trace: int, begin: float, end: float, points: int) -> bytes:
-        """Return the values between two times, for a page that zooms in; times count from `begin`."""
+        """Return the values between two times as a binary message, for a page that zooms in.
+
+        Args:
+            trace: number of the run's curves; ValueError if it is not the current or last run.
+            begin, end: s from the start of the drive. The times of the message count from `begin`.
+            points: number of points to draw.
+        """
         with self._lock:
             if self._header is None or trace != self._number:
                 raise ValueError("that run is no longer in memory: open its recording")

@@ -15,7 +15,7 @@ from ..recording.readers.opening import source_of
 from ..recording.readers.preview import LOOKED_AT, look
 from ..recording.readers.source import FileContent, Rows
 
-# Advice of the readers to Python users, and the same for users of the page.
+# Patterns of the advice that readers of files give to Python users, and the advice for users of the page.
 _ADVICE = (
     (
         re.compile(r"\(missing='drop'[^)]*\)"),
@@ -23,7 +23,8 @@ _ADVICE = (
     ),
     (re.compile(r"[^.:]*\brows=.*", re.DOTALL), " Tick “Take only the complete rows” to go on without it."),
 )
-# More rows than any file has: given a last row, a reader accepts a file whose end is cut off.
+# Number of rows, more than any file has. A reader that is given a number of rows accepts a file whose end is
+# cut off.
 _ALL = 2**40
 
 
@@ -42,7 +43,11 @@ def preview(path: Path) -> dict[str, Any]:
 
 
 def _cut(source: FileContent, columns: list[int]) -> dict[str, Any]:
-    """Return "cut" and "complete", or nothing for a whole file; other errors appear on import."""
+    """Return the fields "cut" and "complete" of `preview` for a file whose end is cut off, else no fields.
+
+    `columns` has the index of one numeric column, which is read to the end. Other errors of the file are not
+    reported here: the import reports them.
+    """
     try:
         source.read(columns, Rows())
     except RecordingError as error:

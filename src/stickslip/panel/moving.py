@@ -53,7 +53,7 @@ from .sliders import settings
 from .starting import Starter, counted_on, new_folder
 from .stream import Client, Hub, Message
 
-AT_MOST = 120.0  # s: longest session
+AT_MOST = 120.0  # s, longest time for which the loop controls the rig without a new start
 _INTERVAL = 0.25e-3  # s between recorded samples
 _TOLD = 0.05  # s between messages about the progress
 _SPREAD = 0.05  # relative change of the natural frequency, both ways, at which the loop must keep its margins
@@ -63,10 +63,10 @@ SETTINGS = ("amplitude", "frequency", "tolerance")  # fields of `Stepping` that 
 
 
 class LoopSettings(fields_of(Stepping, *SETTINGS)):
-    """Settings of the loop, and fields of `control.Stepping`.
+    """Settings of the control loop, and fields of `control.Stepping`.
 
-    `input` is the sensor, "" for the first position. `bandwidth` [Hz] and `proportional` are the gains times
-    the piezo's gain: K_i gain / (2 pi) and K_p gain. Fields that are null keep the tuned value.
+    `input` is the position sensor, "" for the first. `bandwidth` [Hz] is K_i gain / (2 pi), `proportional` is
+    K_p gain, with the piezo's gain; `corner` [Hz] is the low-pass filter's. Null keeps the tuned value.
     """
 
     input: str = ""
@@ -76,14 +76,18 @@ class LoopSettings(fields_of(Stepping, *SETTINGS)):
 
 
 class Act(Strict):
-    """A command, see `control.Commanded`, and the settings of the session that it may start."""
+    """A command as `control.Commanded` takes it, and settings for the session that it may start."""
 
     what: dict[str, Any]
     settings: LoopSettings = Field(default_factory=LoopSettings)
 
 
 class Prepared(NamedTuple):
-    """The first run on the bench, its rig, and the loop that was tuned for it."""
+    """The first run on the bench, its rig, and the loop that was tuned for it.
+
+    `low` and `high` [V] limit the output. `others` are models with a changed natural frequency, at which the
+    loop must be stable too; `loops` are the discrete models of the actuator and of these.
+    """
 
     content: dict[str, Any]
     file: ExperimentFile
@@ -209,7 +213,7 @@ class Moves:
         }
 
     def _believed(self, made: Prepared) -> list[dict[str, Any]]:
-        """Return the limits of the plausibility check of the sensor, as text."""
+        """Return the limits beyond which a sensor's reading counts as implausible, each as text with unit."""
         beliefs, rows = self._plausibility(made, Stepping().frequency), []
         for name, quantity in quantities(Plausibility).items():
             own = quantity.along(coordinate_of(made.unit))
@@ -222,7 +226,10 @@ class Moves:
         return plausibility(made.cell.actuator, made.output, frequency, span, table=table)
 
     def response(self, asked: LoopSettings) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
-        """Return the margins, and step responses of the model and with a changed natural frequency."""
+        """Return margins of the loop (with the reason if they are too small), and step responses [ticks].
+
+        The responses are the model's, and the lowest and highest of all models with changed frequency.
+        """
         made = self.prepared()
         regulator, rate = made.regulator(asked), made.can.update_rate
         ticks = round(_SHOWN * rate)
@@ -304,7 +311,7 @@ class Moves:
         return self._tables[key]
 
     def _position(self, made: Prepared, name: str) -> Channel:
-        """Return the sensor: an input for the position, or the experiment's calibrated channel."""
+        """Return the position sensor `name` ("" for the first), calibrated if the experiment says how."""
         own, sensors = made.cell.channels.get(POSITION), made.sensors
         name = name or (sensors or [own.input if own else ""])[0]
         if own is not None and own.input == name:
@@ -372,7 +379,7 @@ class Moves:
         yield json.dumps({"kind": "move", **self.state})
 
     def _left(self) -> None:
-        """Release in a thread, because the event loop calls this: the page in control is lost."""
+        """End the session when the page in control is lost; in a thread, as the event loop must not wait."""
         if self._rig is not None:
             threading.Thread(target=self._let_go, daemon=True).start()
 

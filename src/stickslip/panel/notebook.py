@@ -23,7 +23,10 @@ _IMPORT = re.compile(r'^import\s+(?P<what>.+?)\s+from\s+"(?P<file>[^"]+)";\s*$',
 
 
 def _bundled(name: str, addresses: dict[str, str]) -> str:
-    """Return a JavaScript module with its imports embedded as data addresses."""
+    """Return the text of a JavaScript module, with the modules that it imports embedded as data URLs.
+
+    `addresses` has the data URL of each module embedded so far, and is extended.
+    """
     folder = (_STATIC / name).parent
 
     def inside(found: re.Match[str]) -> str:
@@ -37,7 +40,7 @@ def _bundled(name: str, addresses: dict[str, str]) -> str:
 
 
 def _style() -> str:
-    """Return the part of the panel's style that plots need, limited to the widget's element."""
+    """Return the CSS rules of the panel that plots need, limited to the widget's element."""
     text = (_STATIC / "style.css").read_text(encoding="utf-8")
     light, dark = (
         re.search(rf"^{re.escape(where)} \{{(.*?)\}}", text, re.MULTILINE | re.DOTALL)

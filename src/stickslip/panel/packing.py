@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 
 
 def packed(header: dict[str, Any], *arrays: ArrayLike) -> bytes:
-    """Return a binary message: the header in JSON, which gets the lengths of the arrays as "lengths", and the
-    arrays as float32."""
+    """Return a binary message: length of the header (uint32), header in JSON, and the arrays as float32.
+
+    The header also gets the lengths of the arrays, as "lengths"; arrays are flattened.
+    """
     numbers = [np.asarray(array, dtype="<f4").ravel() for array in arrays]
     text = json.dumps({**header, "lengths": [one.size for one in numbers]}).encode()
     text += b" " * (-len(text) % 4)

@@ -39,13 +39,13 @@ from .journal import Journal
 from .sets import Sets
 from .stream import Hub
 
-PREDICTIONS = "predictions"  # the folder
+PREDICTIONS = "predictions"  # subfolder of the panel's folder for predictions
 PREDICTED = "predicted"  # name of the bench's run that has the predicted drive
-SAID = "As predicted in "  # start of the notes of the run
-_SAMPLES = 4000  # samples of a prediction
-_LONGEST = 60.0  # s, longest prediction
-_REST = 0.2  # s that are recorded after the drive
-_PATIENCE = 300.0  # s, longest verification
+SAID = "As predicted in "  # start of that run's notes; the prediction's name follows
+_SAMPLES = 4000  # number of samples of a prediction
+_LONGEST = 60.0  # s, longest drive of a prediction
+_REST = 0.2  # s that are simulated or recorded after the drive
+_PATIENCE = 300.0  # s after which a verification is ended
 
 
 class Save(Strict):
@@ -160,7 +160,11 @@ def path_routes(
 
 
 def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
-    """Return the results made from a fit: parameter sets, predictions, recordings, verifications."""
+    """Return the names of results made from the fit `name`: parameter sets, predictions, recordings with a
+    predicted drive, verifications.
+
+    "others" are recordings that the fit has not used, at most 100, to verify it on.
+    """
     with Index(folder.root, read) as index:
         index.patience = READING
         rows = index.rows()
@@ -184,7 +188,7 @@ def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
 
 
 def predicted_of(run: dict[str, Any]) -> str | None:
-    """Return the prediction whose drive a run of the experiment uses, if any."""
+    """Return the name of the prediction whose drive a run uses, read from the run's notes; None without."""
     found = re.match(re.escape(SAID) + r"(predictions/[\w.-]+\.nc)", str(run.get("notes", "")))
     return found[1] if found else None
 
@@ -251,7 +255,10 @@ def _run(prediction: str, drive: PathDrive, runs: list[dict[str, Any]]) -> dict[
 
 
 def _verified(folder: Folder, asked: Check, out: Path) -> None:
-    """Verify with the command line in a separate process, because it draws pictures and reads files."""
+    """Run `stickslip verify` with its report in `out`, as a process that can be ended if it takes too long.
+
+    Raises QuantityError with the command's last message if it failed.
+    """
     paths = [folder.path(name) for name in asked.recordings]
     missing = [name for name, path in zip(asked.recordings, paths, strict=True) if not path.is_file()]
     if missing:

@@ -20,11 +20,12 @@ FIELDS = {
     "hysteresis": Quantity("", "h", "share of the stroke that follows with hysteresis", minimum=0, below=1),
     "creep": Quantity("", "g", "creep per decade of time, over the stroke", minimum=0, maximum=1),
 }
-THRESHOLDS = (0.0, 5.0, 10.0, 20.0, 40.0)  # V, of an actuator without play operators
+# Thresholds [V] of the play operators that an actuator without any gets.
+THRESHOLDS = (0.0, 5.0, 10.0, 20.0, 40.0)
 
 
 def shares(piezo: Piezo | None) -> dict[str, float]:
-    """Return the values of both sliders for a piezo."""
+    """Return the values of the sliders "hysteresis" and "creep" for a piezo, 0 for an ideal one (None)."""
     law, creep = piezo or (None, None)
     found = 0.0
     if isinstance(law, PrandtlIshlinskii):
@@ -33,7 +34,10 @@ def shares(piezo: Piezo | None) -> dict[str, float]:
 
 
 def own_fields(piezo: Piezo | None) -> dict[str, Quantity]:
-    """Return the parameters of a hysteresis model without play operators, by the name of their slider."""
+    """Return the parameters of a hysteresis model without play operators, by the name of their slider.
+
+    Empty for a piezo without hysteresis, or with play operators.
+    """
     law = None if piezo is None else piezo.hysteresis
     if law is None or isinstance(law, PrandtlIshlinskii):
         return {}
@@ -48,10 +52,15 @@ def values(piezo: Piezo | None) -> dict[str, Any]:
 
 
 def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) -> Piezo | None:
-    """Return the piezo with these slider values; None without hysteresis and creep.
+    """Return the piezo with these slider values; None (an ideal piezo) without hysteresis and creep.
+
+    Args:
+        piezo: the piezo of the parameter set, None for an ideal one.
+        hysteresis, creep: values of the two sliders, numbers or texts.
+        own: values of the sliders of `own_fields`, by name.
 
     Raises:
-        QuantityError: a value is out of range, or the voltage would turn back before the stroke does.
+        QuantityError: a value is out of range, or the hysteresis would not be monotonic.
     """
     if own and piezo is not None:
         fields = {name.removeprefix(PIEZO): value for name, value in own.items()}
@@ -68,12 +77,12 @@ def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) ->
 
 
 def _at_once(law: PrandtlIshlinskii) -> float:
-    """Return the weight of the part without hysteresis."""
+    """Return the weight of the operator with threshold 0, which has no hysteresis; 0 without such a one."""
     return law.weights[0] if law.thresholds[0] == 0.0 else 0.0
 
 
 def _crept(creep: Creep | None, per_decade: float) -> Creep | None:
-    """Return creep of this size per decade; None for 0."""
+    """Return creep scaled to a share of the stroke per decade of time; None for 0."""
     if per_decade == 0.0:
         return None
     if creep is None or creep.per_decade == 0.0:
@@ -83,7 +92,10 @@ def _crept(creep: Creep | None, per_decade: float) -> Creep | None:
 
 
 def _stretched(law: Any, share: float) -> PrandtlIshlinskii | None:
-    """Return play operators whose weights are this share of the total."""
+    """Return play operators of which those with hysteresis have this share of the total weight.
+
+    They are the scaled operators of `law`, or default ones if it has none; None for default ones and 0.
+    """
     if not isinstance(law, PrandtlIshlinskii) or law.thresholds[0] > 0.0 or sum(law.weights[1:]) == 0.0:
         law = PrandtlIshlinskii(THRESHOLDS, (1.0,) * len(THRESHOLDS))
         if share == 0.0:

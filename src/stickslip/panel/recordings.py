@@ -31,12 +31,15 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOST_OPEN = 6  # recordings kept in memory for zooming
-MOST_POINTS = 20_000
-OURS = "nc"  # our own format, beside those of other programs
+MOST_POINTS = 20_000  # most points of a curve in one answer
+OURS = "nc"  # name of the package's own format among the formats of an export
 
 
 class Shown(Strict):
-    """Request for a part of a recording for the screen; all of it without `begin` and `end`."""
+    """Request for a recording's curves with about `points` points, from `begin` to `end` [s].
+
+    None: from the first sample, or to the last one.
+    """
 
     name: str
     begin: float | None = None
@@ -52,7 +55,7 @@ class Renaming(Strict):
 
 
 class Shelf:
-    """Recently opened recordings, by name and time of change."""
+    """Cache of the last `MOST_OPEN` recordings that were opened; a changed file is read again."""
 
     def __init__(self, folder: Folder, read: Reader) -> None:
         self._folder, self._read = folder, read
@@ -151,7 +154,7 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
 
 
 def last_of(values: NDArray[np.float64]) -> float | None:
-    """Return the last sample, whatever part is drawn; None for NaN, which JSON lacks."""
+    """Return the last sample of a channel; None if it is not finite, because JSON has no such number."""
     return float(values[-1]) if np.isfinite(values[-1]) else None
 
 

@@ -19,8 +19,8 @@ from ..rig.measurement import DRIVE, POSITION
 from .folder import Folder
 
 Content = dict[str, Any]
-_MOST = 50  # benches of the folder that are offered
-_LONGEST = 2000  # characters of options
+_MOST = 50  # number of the folder's newest .toml files in which benches are sought
+_LONGEST = 2000  # characters of options that are read
 
 
 def offered(folder: Folder) -> dict[str, Any]:
@@ -50,13 +50,20 @@ def _own_benches(folder: Folder) -> Iterator[str]:
 
 
 def _options(kind: str) -> str:
-    """Return the arguments of a back end as text to edit, with their defaults."""
+    """Return the arguments of a back end (driver) as text to edit: "name: default, ..."."""
     given = inspect.signature(registry.rigs.find(kind)).parameters.values()
     return ", ".join(f"{one.name}: {'' if one.default is one.empty else one.default}" for one in given)
 
 
 def asked_rig(kind: str, bench: str, options: str, before: Content) -> Content:
-    """Return the chosen rig for an experiment file; a virtual rig keeps its previous settings."""
+    """Return the section "rig" of an experiment file for the chosen rig.
+
+    Args:
+        kind: "virtual", or the name of a back end.
+        bench: the virtual rig's bench.
+        options: the back end's arguments as text, such as "host: 192.168.0.20".
+        before: the section so far; a virtual rig that stays virtual keeps its settings.
+    """
     if kind == "virtual":
         kept = (
             before if before.get("kind", "virtual") == "virtual" else {"kind": "virtual", "real_time": True}

@@ -10,8 +10,8 @@ from __future__ import annotations
 from .asking import asking
 
 ROLES = ("watch", "operate", "maintain")
-# POST requests that write nothing and move nothing, or only make the rig safer. Every GET belongs to them
-# too.
+# Requests (POST) that the role "watch" may make: they write nothing and move nothing, or only make the rig
+# safer. It may also make every GET request.
 _WATCH = frozenset(
     {
         *("/quantity", "/bench/stop", "/bench/window", "/interlock/disarm", "/interlock/permit"),

@@ -40,14 +40,14 @@ _AT_ZERO = 0.5  # V, largest measured drive that counts as 0 V
 
 
 class Arrived(RigError):
-    """A run whose only goal was a position has reached it."""
+    """The run is over: it was only to reach a position, and has reached it."""
 
 
 class BenchJob(NamedTuple):
     """An experiment to run, the folder of its relative paths, the folder for recordings, its channels.
 
-    `goal` receives the position from home and the blocks, and raises `Arrived` when the run has reached its
-    goal. A `loop` is run instead of the experiment.
+    `goal` receives the position from home and each block of samples, and raises `Arrived` to end the run. A
+    `loop` (takes a progress callback) is run instead of the experiment. `finished` is called afterwards.
     """
 
     title: str
@@ -61,8 +61,8 @@ class BenchJob(NamedTuple):
 
 
 class Runner:
-    """Runs one job at a time. `position` is the last measured position of the end-effector, m from home.
-    `before_ramp` is True if a ramp to 0 V followed, during which nothing is measured.
+    """Runs one job at a time. `position` is the end-effector's last measured one, m (rad) from home.
+    `before_ramp` is True if the output then ramped to 0 V, unmeasured: it may have moved since.
 
     The output belongs to another process, which stops by itself if this one dies or stalls. A stop goes
     directly to that process, whatever the run's thread is doing.
@@ -83,12 +83,10 @@ class Runner:
         self.also_stop: list[Callable[[], bool]] = []  # called at a stop; return whether they were active
         self.beating = Beating()  # signs of life of the page in control
         self._control: Link | None = None
-        self._stopper: Link | None = (
-            None  # to the same process, for stops only: they wait for no other answer
-        )
+        self._stopper: Link | None = None  # second link to that process: stops wait for no other answer
         self._linking = threading.Lock()
         self._using = threading.Lock()  # lock of the rig: for a run, or for setting home
-        self._delivered = 0.0  # s until the rig's process had the request to stop
+        self._delivered = 0.0  # s from a request to stop until the rig's process confirmed it
         self._telling = threading.RLock()  # lock of `state`, which the run's thread and requests change
         self._thread: threading.Thread | None = None
         self._stop: tuple[str, float] | None = None
@@ -307,12 +305,12 @@ class Runner:
         return open_laboratory(job.file, job.folder, self._rigs, "the panel")
 
     def need_going(self) -> None:
-        """Raise StopRequested after a request to stop."""
+        """Raise StopRequested if the run was asked to stop; called before each next action of a job."""
         if self._stop is not None:
             raise StopRequested(self._stop[0])
 
     def seen(self, position: float) -> None:
-        """Take the position of a running loop, m from home."""
+        """Take the position that a running loop has measured, m (rad) from home, and show it."""
         self._at(position)
         self._puts_out()
 
