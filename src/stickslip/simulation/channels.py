@@ -25,10 +25,21 @@ def variables_of(
     times: NDArray[np.float64],
     waveform: Waveform,
 ) -> dict[str, Any]:
-    """Return the channels of motion and forces by name, and the internal variables of piezo and contact, from
-    the solver's samples."""
+    """Return the channels of a trajectory by name: motion, forces, drive, and the internal variables of piezo
+    and contact.
+
+    Args:
+        model: actuator or pulled slider.
+        samples: [times, columns], see `models.classic`.
+        table: segment table of the drive, in V (after the piezo's hysteresis and creep) or m.
+        times: sample times, s.
+        waveform: the drive before the piezo.
+
+    Returns:
+        Arrays [times] in SI, or pairs of array and unit where the name does not determine the unit.
+    """
     y, w, x, s, force = samples[:, :5].T
-    # `table` is the drive of the stroke after the piezo
+    # With hysteresis or creep, `table` is the drive after the piezo; the channel is the voltage before it.
     if isinstance(model, Actuator) and model.piezo is not None:
         table = waveform.drive(float(times[-1]))
     drive = evaluate(table, times)[0]
@@ -62,8 +73,15 @@ def energy_account(
     """Return the energy account by name, J: the drive's work is stored, dissipated in the stage, or taken by
     the contact.
 
-    If the model drops the reaction of the friction on the stage, the contact's work on the stage does not
-    appear anywhere; it is left out of the stage's balance, as in the model.
+    Each value is a pair of an array [times] and its unit. `energy_defect` is what the balance of all terms
+    lacks, 0 for an exact solution. If the model drops the reaction of the friction on the stage, the
+    contact's work on the stage does not appear in the balance.
+
+    Args:
+        model: actuator whose stage has one mode.
+        samples: [times, columns], see `models.classic`.
+        work: [times, 4], integrals of work, see `engine.binding.TERMS`.
+        start: sample at which the account starts, in the columns of `samples`.
     """
     y, w, x, s = samples[:, :4].T
     m, m_e = (0.0 if model.static else model.stage_mass), model.end_effector_mass
@@ -95,12 +113,13 @@ def energy_account(
 def of_stack(
     model: Actuator | PulledSlider, stack: Stack, waveform: Waveform, times: NDArray[np.float64]
 ) -> dict[str, tuple[NDArray[np.float64], str]]:
-    """Return the electrical channels of a stack under the drive at the times [s], by name with units.
+    """Return the electrical channels of a piezo stack under the drive at the times [s], by name.
 
-    They are charge and current, power into its field, loss and temperature, as in `electronics.electrical`.
+    They are current (A), charge (C), reactive power (W), loss power (W) and temperature (K); each is a pair
+    of an array [times] and its unit.
 
     Raises:
-        QuantityError: see `demand.refuse_stack`; a drive that jumps.
+        QuantityError: the model cannot drive a stack (see `demand.refuse_stack`), or the drive jumps.
     """
     refuse_stack(model, stack)
     end = float(times[-1])

@@ -40,12 +40,16 @@ UNITS = {
     "heat": ("W", "mean loss in the stack"),
     "temperature_rise": ("K", "temperature of the stack above its surroundings, if it went on like this"),
 }
-# Largest deviation of the approximating lines, relative to the stroke of the drive.
+# Largest deviation between a drive and the straight lines that approximate it, as a fraction of its
+# peak-to-peak voltage.
 PARTS = 1e-4
 
 
 def refuse_stack(model: Any, stack: Any) -> None:
-    """Raise QuantityError if `stack` is not a stack, or if the drive does not charge it."""
+    """Raise QuantityError if `stack` is not a `Stack`, or the model cannot drive one.
+
+    A pulled slider has no piezo, and the current of a `MaxwellCapacitor` follows from its own charge.
+    """
     if not isinstance(stack, Stack):
         raise QuantityError(
             f"stack = {stack!r} must be a Stack: ss.physics.electronics.load_stack takes one by its name"
@@ -66,7 +70,9 @@ def electrical_demand(
     count: int,
     output: OutputStage | None = None,
 ) -> dict[str, Array]:
-    """Return the quantities of `UNITS` by name, [members] each; NaN for members with invalid fields.
+    """Return peak_current and rms_current [A], energy_per_step [J], heat [W] and temperature_rise [K] by
+    name, an array [members] each; NaN for members with invalid fields.
+
 
     Args:
         waveform: the common drive.
@@ -84,7 +90,7 @@ def electrical_demand(
         raise QuantityError("stack: under a drive_scale the current is not known: vary the amplitude")
     names = record_names(waveform)
     columns = {name: column for name, column in columns.items() if name in names}
-    # Knots are stretched with their period, so their times contain no further information.
+    # The times of knots scale with the period; the curve over the period, which is compared, stays the same.
     stretched = "period" in columns
     shapes = [
         n
@@ -117,8 +123,8 @@ def electrical_demand(
 
 
 def _with_fields(waveform: Any, values: Mapping[str, float], output: OutputStage | None) -> Any:
-    """Return the waveform with these fields, behind the output stage; None if it or its record refuses
-    them."""
+    """Return the waveform with the fields `values` changed, after the output stage if there is one; None if
+    the waveform or the output stage refuses the values."""
     try:
         one = type(waveform)(**put_in(waveform, values)) if values else waveform
         return one if output is None else output.behind(endless(one))
@@ -127,12 +133,17 @@ def _with_fields(waveform: Any, values: Mapping[str, float], output: OutputStage
 
 
 def lines_off(waveform: Any) -> float:
-    """Return the largest deviation of the approximating lines from a drive, V."""
+    """Return the deviation from a drive that its approximating straight lines may have, V."""
     return max(PARTS * float(np.ptp(waveform.range())), 1e-9)
 
 
 def _of_one_period(waveform: Any, stack: Stack) -> tuple[float, float, float, float]:
-    """Return peak and rms current multiplied by the period [A s], and energy and loss per period [J]."""
+    """Return, for one period of a drive: peak and rms current, both multiplied by the period [A s], then
+    delivered energy and loss [J].
+
+    Raises:
+        QuantityError: the drive jumps.
+    """
     period, tolerance = float(waveform.period), lines_off(waveform)
     lines = lines_of(waveform.drive(period), period, tolerance)
     share, volts = lines.bounds / period, np.append(lines.values, lines.end)
@@ -160,8 +171,8 @@ def labelled_demand(
     count: int,
     output: OutputStage | None = None,
 ) -> dict[str, Any]:
-    """Return the results of `electrical_demand` as variables over "member"; an empty mapping without a
-    stack."""
+    """Return the results of `electrical_demand` in the form of xarray variables over "member" with units; an
+    empty mapping if `stack` is None."""
     if stack is None:
         return {}
     refuse_stack(model, stack)

@@ -1,5 +1,5 @@
-"""Segment tables of drives: a waveform after the piezo, computed to the precision that a tolerance
-requires."""
+"""Segment tables of the drive of a model: a waveform after piezo hysteresis and creep, as precise as the
+tolerance of a run requires."""
 
 from __future__ import annotations
 
@@ -23,26 +23,30 @@ from .jumps import cannot_jump, refuse_jumps
 from .models import refuse_places
 from .plant.at_piezo import at_piezo, tabulated
 
-# Largest error of a table after the piezo, multiplied by the gain, as a share of the tolerance of a run,
-# because a resonance or a slip amplifies it. Study: docs/benchmarks/random-actuators.md.
+# Largest error of a segment table after piezo hysteresis and creep, multiplied by the stage's gain, as a
+# fraction of the position tolerance of a run, because a resonance or a slip amplifies it. Study:
+# docs/benchmarks/random-actuators.md.
 TABLE_SHARE = 0.02
-# Largest number of segments in a period that the engine recognises, see `engine/c/repeats.h`.
+# Largest number of segments per period with which the engine detects that a drive repeats; the same number
+# is in `engine/c/repeats.h`.
 LONGEST_CYCLE = 64
 
 
 def refuse_no_waveform(waveform: Waveform) -> None:
-    """Raise TypeError for an object that is not a drive."""
+    """Raise TypeError if an object is not a waveform, that is, has no method `drive`."""
     if not hasattr(waveform, "drive"):
         raise TypeError(f"the drive is a waveform (Sawtooth, Sampled, ...), not a {type(waveform).__name__}")
 
 
 def endless(waveform: Any) -> Any:
-    """Return the waveform without an end, if it has a number of periods."""
+    """Return a periodic waveform that repeats without an end; a waveform that has no end is returned
+    unchanged."""
     return waveform._replace(periods=None) if math.isfinite(waveform.duration) else waveform
 
 
 class Driven(NamedTuple):
-    """A waveform after a piezo, if there is one, within the precision [V]: the drive of the stage."""
+    """Drive of a stage: a waveform after the hysteresis and creep of a piezo (None: no piezo model).
+    `precision` is the largest error of its table, V."""
 
     piezo: Piezo | None
     waveform: Any
@@ -54,7 +58,8 @@ class Driven(NamedTuple):
         return getattr(self.waveform, "period", None) or 0.0
 
     def table(self, end: float, settled: bool) -> Drive:
-        """Return the segment table up to `end` [s]; if `settled`, the table of one period after many."""
+        """Return the segment table up to `end` [s]. With `settled`, return one period in the steady state,
+        after many periods."""
         table = self.waveform.drive(end)
         if self.piezo is None:
             return by_periods(table, self.period or None, end)
@@ -83,8 +88,12 @@ class Scaled(NamedTuple):
 
 
 def table_precision(model: Actuator | PulledSlider, tolerance: float) -> float:
-    """Return the largest error [V] of the drive after the piezo that suits a tolerance [m] of the position;
-    for an ensemble, whose fields are arrays, the smallest of all members."""
+    """Return the largest error [V; m for a pulled slider] of the drive after the piezo that is allowed for a
+    position tolerance [m].
+
+    The fields of the model may be arrays over the members of an ensemble; the smallest error of all members
+    is returned.
+    """
     if not isinstance(model, Actuator):
         return TABLE_SHARE * tolerance
     rows = model.further_modes.rows if model.further_modes is not None else ()
@@ -95,10 +104,11 @@ def table_precision(model: Actuator | PulledSlider, tolerance: float) -> float:
 def tables(
     model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool
 ) -> Callable[[float], Drive]:
-    """Return a function from the tolerance [m] of a run to the segment table of the drive; an exact table is
-    always the same.
+    """Return a function from the position tolerance [m] of a run to the segment table of the drive up to
+    `end` [s].
 
-    It raises the errors of `checked_drive`.
+    Without creep or Duhem hysteresis the table is exact, and therefore the same for all tolerances. The
+    function raises the errors of `checked_drive`.
     """
     exact = not (isinstance(model, Actuator) and tabulated(model.piezo))
 
@@ -115,8 +125,16 @@ def checked_drive(
     """Return the table of a waveform after the model's piezo, up to `end` [s], for a tolerance [m] of the
     position.
 
+    Args:
+        model: actuator, driven by a voltage, or pulled slider, driven by a position.
+        waveform: the drive, V or m.
+        end: end of the table, s; with `periodic`, the period.
+        periodic: return one period in the steady state instead of a table that starts from rest.
+        tolerance: m.
+
     Raises:
-        QuantityError: the waveform cannot drive this model.
+        QuantityError: the waveform has the wrong unit, leaves the voltage range, or jumps and the model
+            cannot follow.
     """
     unit = "V" if isinstance(model, Actuator) else "m"
     refuse_no_waveform(waveform)
@@ -134,7 +152,7 @@ def checked_drive(
         if cannot_jump(model) or two_port.driven_by_voltage(model):
             refuse_jumps(model, table, end if periodic else None)
     if not periodic and end < 2.0 * driven.period and table.start.size <= LONGEST_CYCLE:
-        # two periods, so that the engine recognises the repetition
+        # The engine recognises a repetition only in a table of at least two periods.
         table = driven.table(2.0 * driven.period, False)
     return table
 
@@ -148,8 +166,15 @@ def out_of_range(model: Actuator, low: float, high: float, minimum: float, maxim
 
 
 def behind(output: OutputStage, rows: list[Any], reasons: list[str]) -> list[Any]:
-    """Return the voltages at the piezo, each different drive once; add refusals by the output stage to the
-    reasons."""
+    """Return the waveforms at the piezo, after an output stage (converter and amplifier); equal drives are
+    computed once.
+
+    Args:
+        output: the output stage.
+        rows: waveform of each member.
+        reasons: text per member, empty if it is valid; a refusal by the output stage is stored here, and the
+            member keeps its waveform.
+    """
     made: dict[Any, Any] = {}
     for m, row in enumerate(rows):
         if reasons[m] or row in made:
@@ -162,8 +187,8 @@ def behind(output: OutputStage, rows: list[Any], reasons: list[str]) -> list[Any
 
 
 def refuse_voltages(model: Actuator, rows: list[Any], scale: NDArray[np.float64], reasons: list[str]) -> None:
-    """Add to `reasons` a sentence for each waveform that, multiplied by its factor in `scale`, leaves the
-    voltage range of the actuator."""
+    """Store in `reasons` [members] a sentence for each waveform that, multiplied by its factor in `scale`,
+    leaves the voltage range of the actuator. Members that already have a reason are skipped."""
     lows, highs = (np.broadcast_to(v, len(rows)) for v in (model.min_voltage, model.max_voltage))
     for m, row in enumerate(rows):
         if reasons[m]:

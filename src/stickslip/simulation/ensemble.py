@@ -51,12 +51,14 @@ OUTCOMES = {
     NO_NUMBER: "no_number",
     REFUSED: "refused",
 }
-# Number of members in a block on a GPU, which needs many at once.
+# Number of members that are computed together on a GPU, which is slow with few threads.
 GPU_BLOCK = 1 << 18
 
 
 class Block(NamedTuple):
-    """Results of one block of members; see `simulate_ensemble`."""
+    """Results of one block of members, one entry per member: status code (`OUTCOMES`), time reached [s],
+    number of steps, net displacement and its error [m], sampled positions [members, times] in m, and reason
+    of a failure (empty if complete)."""
 
     status: NDArray[np.int8]
     reached: NDArray[np.float64]
@@ -140,7 +142,7 @@ def simulate_ensemble(
         wanted,
         _gpu(model, wanted) if engine == "cuda" else None,
     )
-    contact_load(load, end)  # report errors of the load before the simulation
+    contact_load(load, end)  # raises the errors of an invalid load before the simulation
     demand = labelled_demand(model, waveform, varied, stack, count)
     size = block_size(model, waveform, varied, end, GPU_BLOCK if task.gpu else BLOCK)
     found = Block(
@@ -171,8 +173,8 @@ def simulate_ensemble(
 
 
 class _EnsembleTask(NamedTuple):
-    """Settings of an ensemble. `tables` is a function from the tolerance to the common table of the drive, or
-    None; `end` [s], the common end, or None."""
+    """Settings of an ensemble. `tables` is a function from the tolerance [m] to the drive table that all
+    members share, or None if they have different drives; `end` [s] is the common end, or None."""
 
     model: Actuator
     waveform: Waveform
@@ -186,7 +188,8 @@ class _EnsembleTask(NamedTuple):
 
 
 def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:
-    """Return the GPU's engine, or None with a warning that gives the reason."""
+    """Return the module `engine.cuda`, or None after a warning that says why this ensemble cannot run on a
+    GPU."""
     if times.size:
         why = "the GPU keeps summaries only, and trajectories are asked for"
     else:
@@ -209,8 +212,8 @@ def _block(task: _EnsembleTask, columns: Mapping[str, NDArray[np.float64]]) -> B
 
 
 class _Runs(NamedTuple):
-    """Results of members as arrays: outcomes, times reached [s], number of steps, net displacements, sampled
-    positions and errors [m]."""
+    """Results of one run of many members as arrays: outcome codes, times reached [s], number of steps, net
+    displacements [m], sampled positions [members, times] and errors [m]."""
 
     outcomes: Any
     reached: Any
@@ -223,8 +226,15 @@ class _Runs(NamedTuple):
 def _run(
     task: _EnsembleTask, of: Members, rows: NDArray[np.int64], outcomes: Any, tolerance: float, careful: bool
 ) -> _Runs:
-    """Simulate these members once, with local errors in proportion to the tolerance; for `careful` see
-    `engine.binding.integrate`."""
+    """Simulate the members `rows` (indices) once, with local errors in proportion to the tolerance [m].
+
+    Args:
+        task, of: settings, and the block of members.
+        rows: indices of the members.
+        outcomes: outcome code of each, replaced by the new one; only members with DONE are simulated.
+        tolerance: m.
+        careful: see `engine.binding.integrate`.
+    """
     q, values, which, column = of.states[rows], of.values[rows], of.which[rows], of.of.slider
     spans = np.column_stack([np.zeros(rows.size), of.ends[rows]])
     how = tolerance, careful, task.max_steps
@@ -244,8 +254,9 @@ def _run(
 
 
 def _refined(task: _EnsembleTask, columns: Columns) -> tuple[_Runs, list[str]]:
-    """Refine each member until smaller steps and finer tables change it by no more than the tolerance, as
-    `refinement.refined`. Return the results, and the reasons for refused members."""
+    """Simulate each member with smaller and smaller steps and finer drive tables, until the change is within
+    the tolerance (see `refinement.refined`). Return the results, and per member the reason why it was refused
+    (empty if valid)."""
     level = LOOSE * task.tolerance
 
     def members() -> Members:
@@ -256,7 +267,7 @@ def _refined(task: _EnsembleTask, columns: Columns) -> tuple[_Runs, list[str]]:
     outcomes = np.where(of.fine, np.int64(DONE), np.int64(REFUSED))
     made = _run(task, of, np.arange(outcomes.size), outcomes, level, False)
     todo = np.flatnonzero(made.outcomes == DONE)
-    # neighbouring threads of a GPU wait for each other, so members with similar numbers of steps are grouped
+    # Neighbouring threads of a GPU wait for each other, so members with similar numbers of steps are grouped.
     if task.gpu:
         todo = todo[np.argsort(made.steps[todo], kind="stable")]
     coarse = _Runs(*(column[todo] for column in made))

@@ -14,7 +14,8 @@ class SimulationWarning(UserWarning):
 
 
 class NotPeriodicError(SimulationError):
-    """Error: no periodic motion was found; `orbit` is the best attempt, with its multipliers."""
+    """Error: no stable periodic motion was found. The attribute `orbit` is the last iterate of the search, or
+    the unstable orbit."""
 
     def __init__(self, message: str, orbit: Orbit) -> None:
         super().__init__(message)

@@ -23,7 +23,14 @@ def cannot_jump(model: Actuator) -> bool:
 
 
 def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
-    """Raise QuantityError if the drive, with this period if it has one, jumps and the model cannot follow."""
+    """Raise QuantityError if the drive jumps and the model cannot follow.
+
+    Args:
+        model: the actuator.
+        table: segment table of the drive.
+        period: period of the drive, s; None if it does not repeat. A jump from one period to the next counts,
+            too.
+    """
     if driven_by_voltage(model) and _jumps(table, period):
         raise QuantityError(
             "a piezo with a MaxwellCapacitor would take an infinite current at a jump of the voltage: give "
@@ -35,7 +42,8 @@ def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
 
 
 def _jumps(table: Drive, period: float | None) -> bool:
-    """Return True if the drive jumps; for a periodic drive, also if it jumps from one period to the next."""
+    """Return True if the drive jumps between two segments, at its start, or, with a period [s], from one
+    period to the next."""
     starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
     ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
     first = table.before if period is None else value_slope_curvature(table, len(starts) - 1, period)[0]

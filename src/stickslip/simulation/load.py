@@ -1,4 +1,5 @@
-"""Checks of the load that a user gives: the normal force relative to its reference, a pure number."""
+"""Checks of the load that a user gives: the normal force relative to the one at which the friction parameters
+hold, a pure number."""
 
 from __future__ import annotations
 
@@ -11,12 +12,12 @@ from numpy.typing import NDArray
 from ..quantities.units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
 
-# Largest relative deviation from a whole number of periods, by rounding of 1/frequency.
+# Largest relative deviation of a ratio of two periods from a whole number, caused by rounding of 1/frequency.
 _WHOLE = 1e-9
 
 
 def load_range(load: Waveform | float) -> tuple[float, float]:
-    """Return the least and the largest load.
+    """Return the smallest and the largest value of a load, a number or a waveform.
 
     Raises:
         QuantityError: the load is neither a number nor a waveform.
@@ -56,7 +57,8 @@ def refuse_other_period(load: Waveform | float, period: float | None) -> None:
 
 
 def refuse_other_periods(load: Waveform | float, periods: NDArray[np.float64], reasons: list[str]) -> None:
-    """Add to the reasons the members whose load does not repeat with the period [s] of their drive."""
+    """Store a message in `reasons` [members] for each member whose load does not repeat with the period [s]
+    of its drive. Members that already have a reason are skipped."""
     for m in (m for m, reason in enumerate(reasons) if not reason):
         try:
             refuse_other_period(load, float(periods[m]))

@@ -45,19 +45,19 @@ from .varied import (
 
 T = TypeVar("T")
 Columns = Mapping[str, NDArray[np.float64]]
-# Factors of the waveform and of the normal force.
+# Names of parameters that scale the voltage of a member's waveform and its normal force.
 SCALES = ("drive_scale", "load")
-BLOCK = 256
-# Approximate largest number of entries in the tables of a block.
+BLOCK = 256  # largest number of members in a block on processors
+# Largest number of entries, roughly, in all drive tables of a block: it limits the memory.
 LARGEST_TABLES = 4_000_000
 
 
 class Members(NamedTuple):
     """A block of members in the solver's form.
 
-    Fields: `reasons`, why members are refused (empty for the others); `of`, their common system; `values` of
-    their plants, `states` at rest; `drives`, and `which` of them each member has; `ends` [s]; `load`, the
-    same for all.
+    Fields: `reasons` of refusal (empty if valid); system `of` that all share; `values` [members, numbers] of
+    the plants; `states` at rest; different `drives`, and the index `which` of each member's; `ends` of the
+    runs or periods, s; `load`, relative normal force of all.
     """
 
     reasons: list[str]
@@ -77,11 +77,11 @@ class Members(NamedTuple):
 def checked_columns(
     model: Actuator, waveform: Waveform, parameters: Mapping[str, ArrayLike]
 ) -> dict[str, NDArray[np.float64]]:
-    """Return the parameters as arrays of one length, by name.
+    """Return the varied parameters by name as arrays of one length, in SI.
 
     Raises:
-        QuantityError: an unknown name, one that model and waveform share, arrays of different length, or
-            parameters without names; or the model is not an actuator.
+        QuantityError: an unknown name, one that is a field of both model and waveform, arrays of different
+            length, or parameters without names; or the model is not an actuator.
     """
     if not isinstance(model, Actuator):
         raise QuantityError(f"members are of an Actuator, not of a {type(model).__name__}")
@@ -124,7 +124,7 @@ def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str,
 
 
 def bends(model: Actuator) -> bool:
-    """Return True if the shape of the piezo's stroke depends on the amplitude of the drive."""
+    """Return True if the shape of the piezo's stroke depends on the amplitude of the drive (hysteresis)."""
     return model.piezo is not None and model.piezo.hysteresis is not None and model.two_port is None
 
 
@@ -142,10 +142,10 @@ def waveform_columns(waveform: Waveform, columns: Columns) -> dict[str, NDArray[
 def in_blocks(
     work: Callable[[dict[str, NDArray[np.float64]]], T], columns: Columns, size: int, threads: int | None
 ) -> Iterator[tuple[int, T]]:
-    """Yield the first member's number and the result of `work` for each block, in order, several at once."""
+    """Yield each block's first member (index) and `work(its columns)`, in order; several run in parallel."""
     count = next(iter(columns.values())).size
     threads = (os.cpu_count() or 1) if threads is None else whole(threads, "threads", 1, 4096)
-    # With few members, each thread still gets some.
+    # Make blocks smaller if there are few members, so that all threads have work.
     size = max(1, min(size, -(-count // threads)))
     starts = range(0, count, size)
     cut = ({name: c[s : s + size] for name, c in columns.items()} for s in starts)
@@ -168,7 +168,7 @@ def block_size(
     most: int = BLOCK,
     output: OutputStage | None = None,
 ) -> int:
-    """Return the number of members in a block whose tables are not too large."""
+    """Return the number of members whose drive tables up to `end` [s] are not too large; at most `most`."""
     varied = waveform_columns(waveform, columns)
     if not varied and not {*columns} & {"drive_scale", *drive_names(model)}:
         return most
@@ -180,7 +180,7 @@ def block_size(
         if output is not None and output.updates:
             slower = [float(np.nanmax(1.0 / c[c > 0.0], initial=1.0)) for c in per_period]
             segments = max(segments, end * max([1.0, *slower]) * output.update_rate)
-            quicker = 1.0  # the updates alone set the size
+            quicker = 1.0  # behind a converter, its updates determine the number of segments
     return int(np.clip(LARGEST_TABLES / (5.0 * segments * quicker), 1, most))
 
 
@@ -212,7 +212,7 @@ def prepared(
     values = {name: c for name, c in columns.items() if name in of_model}
     reasons, scale = _refused(model, columns, values, count), columns.get("drive_scale", np.ones(count))
     fields, own = changed_fields(model, values)
-    # Unchecked: invalid members are already known and left out.
+    # Records are made without their checks: `_refused` has found the invalid members.
     law = tuple.__new__(type(model.friction), fields.values())
     members = tuple.__new__(Actuator, (model._asdict() | own | {"friction": law}).values())
     if common is None:
@@ -220,7 +220,7 @@ def prepared(
         if output is not None:
             rows = behind(output, rows, reasons)
         refuse_voltages(members, rows, scale, reasons)
-        if "drive_scale" in columns and bends(model):  # before the hysteresis; otherwise in the plants
+        if "drive_scale" in columns and bends(model):  # hysteresis follows the factor
             rows = [Scaled(row, factor) for row, factor in zip(rows, scale, strict=True)]
             scale = np.ones(count)
         precision = table_precision(members, tolerance / _largest(scale))
@@ -237,7 +237,7 @@ def prepared(
         refuse_other_periods(load, ends, reasons)
     own_load = contact._replace(normal=contact.normal * columns.get("load", 1.0))
     of = contact.system(model)
-    with np.errstate(all="ignore"):  # refused members have values, too
+    with np.errstate(all="ignore"):  # values of refused members may be invalid
         table, pulled = _values(own_load.system(members), scale, count), np.any(members.axial_force)
     states = np.zeros((count, of.states))
     if np.any(drives.before) or pulled:
@@ -257,7 +257,7 @@ def _end(waveform: Any, periodic: bool) -> float:
 
 
 def _piezos(model: Actuator, columns: Columns, count: int) -> list[Piezo | None]:
-    """Return the piezo of each member before its stage, unchecked; None without one."""
+    """Return each member's piezo (hysteresis and creep before the stage), unchecked; None without one."""
     names = [name for name in drive_names(model) if name in columns]
     if not names:
         return [model.piezo] * count
@@ -273,8 +273,8 @@ def _tables(
     end: float | None,
     periodic: bool,
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
-    """Return the drives of the members, the index of the drive of each, and the end of each [s]; add refused
-    members to the reasons. Fields of the model may be arrays."""
+    """Return the drives of the members, the index of each member's drive, and the end of each run [s]. A
+    member without a valid drive gets a message in `reasons`. Fields of the model may be arrays."""
     rows = [of.waveform for of in driven]
     for m, row in enumerate(rows):
         if not reasons[m]:
@@ -301,7 +301,7 @@ def _tables(
 
 
 def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]:
-    """Return the waveform of each member, unchecked; add members that its record refuses to the reasons."""
+    """Return the waveform of each member; store in `reasons` why a member's values are refused."""
     kind, known = type(waveform), quantities(type(waveform))
     made = [tuple.__new__(kind, row) for row in _rows(put_in(waveform, columns), len(reasons))]
     fine = np.ones(len(reasons), dtype=bool)
@@ -344,8 +344,8 @@ def _rows(fields: Mapping[str, Any], count: int) -> list[tuple[Any, ...]]:
 
 
 def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> list[str]:
-    """Return the reasons why the model's records would refuse a member; empty texts for valid ones. Doubtful
-    members are built to get the message."""
+    """Return, per member, the message with which the model's records refuse its values; empty for valid ones.
+    Only members that fail a check of whole columns are built, to get the message."""
     fine = np.ones(count, dtype=bool)
     known = quantities_within(model)
     own = {name: values[name] for name in piezo_names(model) if name in values}
@@ -373,7 +373,7 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
 
 
 class _Column(np.ndarray):
-    """A number per member. A comparison gives one truth value if it is the same for all members."""
+    """Column of numbers. A comparison is a condition only if its truth value is the same in all rows."""
 
     def __bool__(self) -> bool:
         answers = np.unique(self.view(np.ndarray).astype(bool))
@@ -383,9 +383,9 @@ class _Column(np.ndarray):
 
 
 def _in_accord(law_type: Any, fields: Mapping[str, Any], count: int) -> NDArray[np.bool_]:
-    """Return the members whose law fields are consistent.
+    """Return a boolean array [members]: True where the fields of the law satisfy its own check.
 
-    The law's check runs once for all members if it takes the same path for all, else one by one.
+    The check runs once on arrays if it takes the same path for all members, otherwise once for each member.
     """
     fine = np.ones(count, dtype=bool)
     columns = (v.view(_Column) if isinstance(v, np.ndarray) else v for v in fields.values())
