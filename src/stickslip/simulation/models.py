@@ -21,8 +21,8 @@ from .load import load_range
 from .plant.system import Element, Mode, Plant
 from .strain import strained
 
-# Rate that compares velocities with positions for a stage without dynamics, which has no frequency of its
-# own.
+# Rate that makes velocities comparable with positions in the error control, for a stage without dynamics,
+# which has no natural frequency.
 _STATIC_STAGE_RATE = 1e4  # rad/s
 
 
@@ -59,7 +59,7 @@ class Mechanism(NamedTuple):
     rate: float
 
 
-# A mechanism in which nothing moves: the basis of the models below.
+# Coefficients of a mechanism in which nothing moves; each model replaces those that it needs.
 IMMOBILE = Mechanism(
     kinematic=False,
     clamped=False,
@@ -83,7 +83,7 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
     if isinstance(model, PulledSlider):
         stiffness, damping = model.spring_stiffness / model.mass, model.damping / model.mass
         return IMMOBILE._replace(
-            kinematic=True,  # the fixed ground: its gain is 0
+            kinematic=True,  # the stage is the fixed ground: its gain is 0
             slider_stiffness=stiffness,
             slider_damping=damping,
             slider_drive=stiffness,
@@ -113,12 +113,13 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
 
 
 def stage_mode(gain, natural_frequency, damping_ratio):  # type: ignore[no-untyped-def]
-    """Return a further mode of a stage."""
+    """Return a further mode of a stage from its gain [m/V], natural frequency [rad/s] and damping ratio; all
+    may be arrays."""
     stiffness = natural_frequency**2
     return Mode(stiffness, 2.0 * damping_ratio * natural_frequency, gain * stiffness, 0.0)
 
 
-# Columns of `classic` samples; each followed by its velocity.
+# Columns of the positions of stage and end-effector in samples of `classic`; the next column is the velocity.
 STAGE, SLIDER = 0, 2
 
 
@@ -127,11 +128,14 @@ class System(NamedTuple):
 
     Attributes:
         plant: see `plant.system.Plant`.
-        stages: columns of the positions of the stage's modes; empty if it follows the drive or is fixed.
-        slider: column of the position of the slider.
-        internal: number of states of the law; its contact is the first element unless it is `clamped`.
-        hysteresis: number of states of a two-port piezo, the last element.
-        axial: N, force on a clamped end-effector, and its `mass` [kg], for the holding force.
+        stages: columns of the positions of the stage's modes; empty if the stage follows the drive or is
+            fixed.
+        slider: column of the position of the end-effector.
+        internal: number of states of the friction law; the contact is the first element unless `clamped`.
+        hysteresis: number of states of a piezo with a `MaxwellCapacitor`, which is the last element; else 0.
+        gain: position per drive of a stage that follows the drive, m/V; else 0.
+        clamped: True if the end-effector is fixed to the stage.
+        axial: force on a clamped end-effector, N; its `mass`, kg: both give the force that holds it.
     """
 
     plant: Plant
@@ -146,7 +150,7 @@ class System(NamedTuple):
 
     @property
     def stage(self) -> int | None:
-        """Return the column of the position of a stage with one mode, or None."""
+        """Return the column of the position of the stage; None if the stage has no mode or several."""
         return self.stages[0] if len(self.stages) == 1 else None
 
     @property
@@ -156,12 +160,13 @@ class System(NamedTuple):
 
     @property
     def bodies(self) -> int:
-        """Return the first column of the states of the law."""
+        """Return the column of the first state of the friction law, which follows positions and
+        velocities."""
         return 2 * len(self.plant.modes)
 
     @property
     def inner(self) -> int:
-        """Return the first column after the states of the law."""
+        """Return the column after the last state of the friction law."""
         return self.bodies + (0 if self.clamped else self.internal)
 
     @property
@@ -171,7 +176,8 @@ class System(NamedTuple):
 
     @property
     def further(self) -> list[int]:
-        """Return the columns of the state that belong neither to the five of `classic` nor to the law."""
+        """Return the columns of the state that `classic` appends: modes of a stage with several, and states
+        of the piezo."""
         modes = [c + i for c in self.stages for i in (0, 1)] if len(self.stages) > 1 else []
         return [*modes, *range(self.inner, self.states)]
 
@@ -209,8 +215,8 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
 
 
 def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, ...]]:
-    """Return the modes of a stage, and the acceleration of each by a unit contact force. Under charge control
-    the stage is stiffer."""
+    """Return the modes of a stage, and the acceleration of each by a unit contact force, m/s² per N. Under
+    charge control, the first mode is stiffer by `model.stiffening`."""
     stiffer = getattr(model, "stiffening", 1.0)
     modes = [
         Mode(
@@ -229,8 +235,8 @@ def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, 
 
 
 class RelativeLoad(NamedTuple):
-    """The normal force of a run relative to its reference: a constant factor, and a varying factor, if
-    any."""
+    """The normal force of a run relative to its reference: a constant factor `normal`, and the table of a
+    second, varying factor (None: constant)."""
 
     normal: float = 1.0
     table: Drive | None = None
@@ -244,25 +250,25 @@ class RelativeLoad(NamedTuple):
 
     @property
     def drive(self) -> Drive:
-        """Factor that varies on top of the constant one; 1 if nothing varies."""
+        """Return the table of the varying factor; a constant 1 if nothing varies."""
         return self.table or constant(1.0)
 
 
-# Relative normal force that holds the end-effector under any force; and number of bisections for the place of
-# rest.
+# Relative normal force that is large enough to hold the end-effector against any force; and number of
+# bisections in the search for its position at rest.
 _HOLDS, _HALVINGS = 1e12, 60
 
 
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
     """Return the state at rest under the drive value `before` and the constant forces.
 
-    The normal force is `load` times the plant's (for a force along the stroke, that at the place of rest). If
-    no deflection of the contact can hold the forces, the contact starts at its bound.
+    The normal force is `load` times that of the plant; if it changes along the stroke, it is taken at the
+    position of rest. If no deflection of the contact can hold the forces, the contact starts at its bound.
     """
     if of.contact is None or of.contact.along is None:
         return _resting(of, before, load, 0.0)
-    # The place at which the contact holds all forces, if it can; otherwise one between this and the place
-    # without friction.
+    # The position at which the contact holds all forces, if it can; otherwise a position between this and
+    # the position without friction, found by bisection.
     free, held = (float(_resting(of, before, share, 0.0)[of.slider]) for share in (0.0, _HOLDS))
     q, (low, high) = _resting(of, before, load, held), sorted((free, held))
     for _ in range(0 if math.isclose(q[of.slider], held, rel_tol=1e-12) else _HALVINGS):
@@ -272,7 +278,8 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
 
 
 def _resting(of: System, before: float, load: float, place: float) -> NDArray[np.float64]:
-    """Return the state as `resting_state`, with the normal force at a place [m]."""
+    """Return the state of `resting_state` for the normal force at the position `place` [m] of the
+    end-effector."""
     q = np.zeros(of.states)
     held = _held(of, q, load, place)
     contact = of.contact if of.stages else None
@@ -290,8 +297,8 @@ def _resting(of: System, before: float, load: float, place: float) -> NDArray[np
 
 
 def _held(of: System, q: NDArray[np.float64], load: float, place: float) -> float:
-    """Return the force with which the contact holds the constant forces on the slider at a place, N; store
-    its deflection in `q`."""
+    """Return the contact force [N] that balances the constant forces on the end-effector, as far as the
+    normal force at `place` [m] allows; store the deflections of the law in `q`."""
     contact, slider = of.contact, of.slider // 2
     if contact is None:
         return 0.0
@@ -312,11 +319,11 @@ def _held(of: System, q: NDArray[np.float64], load: float, place: float) -> floa
 def classic(
     of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return samples of the solver in fixed columns, [times, 5 + internal + further states], for any layout
-    of the plant.
+    """Return samples of the solver in columns that do not depend on the layout of the plant, [times, 5 +
+    internal + further states].
 
-    The columns are position and velocity of the stage, then of the end-effector, friction force, states of
-    the law, then those of `System.further`.
+    The columns are position and velocity of the stage, position and velocity of the end-effector, friction
+    force, states of the law, then the states of `System.further`.
     """
     n, law = of.states, 5 + of.internal
     made = np.zeros((times.size, law + len(of.further)))
@@ -340,7 +347,8 @@ def classic(
 def _acceleration(
     of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the acceleration of a clamped body at times [s], m/s², from the solver's samples."""
+    """Return the acceleration of a clamped end-effector at times [s], m/s², from the solver's samples and the
+    drive."""
     if not of.stages:
         i = segment_at(drive, times)
         return of.gain * np.array(
@@ -357,8 +365,8 @@ def _acceleration(
 
 
 def refuse_places(model: Actuator | PulledSlider) -> None:
-    """Raise QuantityError for a model whose steps cannot be steady: the end-effector is clamped, or steps
-    depend on the place."""
+    """Raise QuantityError for a model that has no steady step: its end-effector is clamped, or its normal
+    force changes along the stroke."""
     if isinstance(model, Actuator) and model.clamped:
         raise QuantityError("the end-effector is clamped to the stage: it takes no steps")
     if model.normal_force is not None and np.any(model.normal_force.varies):
@@ -370,10 +378,10 @@ def refuse_places(model: Actuator | PulledSlider) -> None:
 
 
 def contact_load(load: Waveform | float, end: float) -> RelativeLoad:
-    """Return the normal force relative to its reference, up to `end` [s].
+    """Return the normal force relative to its reference, as a table up to `end` [s].
 
     Raises:
-        QuantityError: it is not finite, or falls below zero (contact lost).
+        QuantityError: the load is not finite, or falls below zero (contact lost).
     """
     low, high = load_range(load)
     if not (0.0 <= low <= high < math.inf):

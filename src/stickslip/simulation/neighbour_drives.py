@@ -1,4 +1,4 @@
-"""Drives and normal force of neighbours, for derivatives by difference quotients.
+"""Drives of slightly changed models ("neighbours"), for derivatives by difference quotients.
 
 A neighbour is a model or a waveform with one slightly changed parameter.
 """
@@ -20,21 +20,24 @@ from .varied import changed_piezo, drive_names, put_in, value_of
 # Change of a parameter, relative to its value, or absolute for a value of 0. Neighbours use the same
 # integration steps, so only rounding limits the change.
 DIFFERENCE = 1e-6
-# Changes of a parameter for drives behind a piezo, which are accurate to about 1e-8. The change with the
-# smallest deviation from proportion is taken. ENOUGH: deviation that is accepted at once; STRAIGHT: largest
-# allowed deviation.
+# Relative changes of a parameter for drives after piezo hysteresis, which are accurate to about 1e-8. They
+# are tried in order; the best one gives a change of the drive that is most nearly in proportion to the change
+# of the parameter. ENOUGH: relative deviation from proportion that ends the search; STRAIGHT: largest
+# deviation that is accepted.
 AT_PIEZO, ENOUGH, STRAIGHT = (1e-6, 1e-5, 1e-4, 1e-3), 1e-6, 0.01
-# Relative rounding of the values of a drive.
+# Relative rounding error of the values of a drive; smaller changes count as none.
 ROUNDING = 1e-11
-# Length of the neighbours' tables relative to the trajectory. A break (end of a segment) may be later there.
+# Length of the neighbours' drive tables relative to the trajectory: the end of a segment may be later in a
+# neighbour.
 LONGER = 1.01
-# Largest distance between breaks of a neighbour and of the trajectory, relative to its length, and between
-# their formulas, both in units of the difference.
+# Largest difference between the segments of a neighbour and those of the trajectory, in units of the relative
+# change of the parameter: of their times (relative to the run) and of their coefficients (relative).
 MOST_APART = 100.0
 
 
 class Beside(NamedTuple):
-    """Table of a drive with one changed parameter, its period [s], and the change with its sign."""
+    """Drive with one changed parameter: its segment table, its period [s] (0: none), and the signed change of
+    the parameter."""
 
     table: Drive
     period: float
@@ -44,13 +47,14 @@ class Beside(NamedTuple):
 def longer(of: Driven, end: float, settled: bool) -> Drive:
     """Return the table of a drive from 0 to slightly beyond `end` [s], for at least two periods.
 
-    If `settled`, return one period after many periods.
+    With `settled`, return one period in the steady state instead, after many periods.
     """
     return of.table(of.period if settled else max(LONGER * end, 2.0 * of.period), settled)
 
 
 def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float, settled: bool) -> Beside:
     """Return the drive with one slightly changed parameter of the piezo or the waveform.
+
 
     The parameter is increased; if the waveform does not allow that, it is decreased.
 
@@ -106,7 +110,8 @@ def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float,
 
 
 def _alike(itself: Drive, table: Drive, size: float, end: float) -> bool:
-    """Return True if the table of a neighbour, with a relative change `size`, has the same segments."""
+    """Return True if the tables of a drive (`itself`) and of its neighbour with the relative change `size`
+    have the same segments up to `end` [s], so that their difference gives a derivative."""
     n = itself.start.size
     if table.start.size < n or not np.array_equal(table.first[: n + 1], itself.first[: n + 1]):
         return False
@@ -117,8 +122,9 @@ def _alike(itself: Drive, table: Drive, size: float, end: float) -> bool:
 
 
 def _bent(*tables: Drive) -> float:
-    """Return the relative deviation from proportion of three drives with equal differences, from values and
-    slopes in the middle of each segment."""
+    """Return how far three drives at equal changes of a parameter (none, single, double) deviate from
+    proportion, relative to the change of the drive; values and slopes are compared in the middle of each
+    segment."""
     n = min(table.start.size for table in tables)
     first, near, far = (
         np.array(evaluate(t, np.append(0.5 * (t.start[: n - 1] + t.start[1:n]), t.start[n - 1])))
@@ -129,10 +135,11 @@ def _bent(*tables: Drive) -> float:
 
 
 def breaks_apart(load: Drive | None, drive: Drive, end: float) -> NDArray[np.float64]:
-    """Return the times, s, of breaks (ends of segments) of the normal force that are not breaks of the drive.
+    """Return the times [s] before `end` at which a segment of the normal force ends, but no segment of the
+    drive.
 
-    A neighbour's integration step is at the same fraction of its own segment; the normal force does not move
-    with it.
+    The runs of all neighbours are divided at these times: segments of the drive shift with a changed
+    parameter, but those of the normal force do not. Without a `load` table, the array is empty.
     """
     if load is None:
         return np.zeros(0)

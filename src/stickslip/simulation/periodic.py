@@ -51,7 +51,8 @@ class Orbit(NamedTuple):
 
 
 def has_neighbours(plant: Plant) -> bool:
-    """Return True if derivatives can be computed by `engine.near`.
+    """Return True if derivatives can be computed by slightly changed runs with the same steps
+    (`engine.near`).
 
     This excludes laws without states (events), with several states (corners), or with jumps: neighbours meet
     these at different times.
@@ -71,8 +72,18 @@ def orbits_of(
     tolerance: float,
     slider: int,
 ) -> Orbits:
-    """Search the periodic orbits of members with these plant numbers; see `engine.orbits.find_orbits`.
-    `slider` is the entry of the state that advances."""
+    """Find the periodic orbits of members of one plant layout by `engine.orbits.find_orbits`.
+
+    Args:
+        plant: the layout.
+        values: numbers of each plant [members, numbers].
+        drives, load: drives of the members, and their relative normal force.
+        outcomes: outcome of each, in place; members that are not DONE are left out.
+        states: initial guesses [members, states], replaced by states on the orbits.
+        periods: period of each drive, s.
+        tolerance: tolerance of the net step, m.
+        slider: column of the end-effector's position, which advances by the net step.
+    """
     return find_orbits(
         ComposedMembers(plant, values),
         drives,
@@ -96,9 +107,11 @@ def find_orbit(
     period: float,
     tolerance: float,
 ) -> Orbit:
-    """Return the periodic orbit that a search from the state `start` finds; see the module.
+    """Return the periodic orbit of one plant, found from the initial guess `start` of the state; see the
+    module.
 
-    `tolerance` [m] applies to the net step, which is that of entry `slider` of the state.
+
+    `tolerance` [m] applies to the net step; `slider` is the column of the end-effector's position.
 
     Raises:
         FloatingPointError: the motion could not be simulated over one period.
@@ -110,7 +123,7 @@ def find_orbit(
     if outcomes[0] not in (DONE, NOT_FOUND):
         raise FloatingPointError("the motion could not be followed over one period")
     moving = np.delete(np.delete(found.jacobian[0], slider, axis=0), slider, axis=1)
-    finite = bool(np.isfinite(moving).all())  # neighbours may diverge if there is no orbit
+    finite = bool(np.isfinite(moving).all())  # runs of neighbours may diverge if there is no orbit
     multipliers = (np.linalg.eigvals(moving) if finite else np.full(len(moving), np.nan)).astype(
         np.complex128
     )

@@ -81,7 +81,8 @@ def friction_response(
     )
 
     def finer(level: float, careful: bool) -> Prescribed:
-        # If each interval between samples is one step, smaller local errors change nothing.
+        # Where each interval between samples is already a single step, a smaller tolerance alone changes
+        # nothing, so the intervals are divided.
         return run(level, math.ceil(math.sqrt(LOOSE * tolerance / level) - 1e-9))
 
     made, error = refined(finer, _apart, lambda made: 0, tolerance)
@@ -97,7 +98,8 @@ def friction_response(
 
 
 class Prescribed(NamedTuple):
-    """Result of a law under a motion up to sample `reached`; `states` [n, elements, at least 1]."""
+    """Result of a law under a prescribed motion up to sample `reached`: time [s], position [m] and force [N],
+    all [n], and `states` [n, elements] (a static law: one column)."""
 
     time: NDArray[np.float64]
     position: NDArray[np.float64]
@@ -178,6 +180,6 @@ def prescribed(
 
 
 def _in_parts(values: NDArray[np.float64], parts: int) -> NDArray[np.float64]:
-    """Return samples with further points on lines between them, so that each interval has `parts` parts."""
+    """Return samples of a piecewise linear signal with each interval divided into `parts` equal parts."""
     between = values[:-1, None] + np.diff(values)[:, None] * (np.arange(parts) / parts)
     return np.append(between.ravel(), values[-1])

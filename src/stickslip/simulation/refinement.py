@@ -13,18 +13,18 @@ from typing import Any, NamedTuple, TypeVar
 
 Run = TypeVar("Run")
 
-# Local errors of the first run, relative to those for the tolerance in the engine; and the ratio for the run
-# with which it is compared.
+# LOOSE: tolerance of the engine in the first run, relative to the requested tolerance. FINER: ratio of the
+# tolerances of a run and of the run with which it is compared.
 LOOSE, FINER = 4.0, 0.25
-# Ratio of the error of a run to its difference from the finer one; and the ratio for a single number, for
-# which both may agree by chance.
+# Estimated error of a run over its difference from the finer run. PER_NUMBER is for a single number, which
+# may agree in both runs by chance.
 PER_DIFFERENCE, PER_NUMBER = 1.0 / (1.0 - FINER), 2.0
-# Largest number of steps of a run that is refined further: some tenths of a second.
+# Runs with more steps are not refined further; so many steps take some tenths of a second of computation.
 MOST_STEPS = 400_000
-ROUNDS = 9
-# Largest decrease of the local errors from one round to the next.
+ROUNDS = 9  # largest number of comparisons of two runs
+# Smallest ratio of the engine's tolerance in one round to that in the previous one.
 FARTHEST = 1e-2
-# Smallest tolerance of the engine, m; below it rounding exceeds the method's error.
+# Smallest tolerance of the engine, m; below this, rounding errors exceed the error of the method.
 FINEST = 1e-13
 
 
@@ -41,13 +41,15 @@ def refined(
     steps: Callable[[Run], int],
     tolerance: float,
 ) -> Refined:
-    """Return the first run whose estimated error is within the tolerance; otherwise the last one.
+    """Return the first run whose estimated error is within the tolerance; otherwise the last one with an
+    estimate.
 
     Args:
-        run: function from a tolerance of the engine, and True for a run to compare with (`careful` in
-            `engine.binding.integrate`), to a run.
-        distance: function for the difference of two runs, m; NaN if they cannot be compared.
-        steps: function for the number of steps of a run.
+        run: function of the engine's tolerance [m] and a boolean (`careful` in `engine.binding.integrate`,
+            True for the finer run of a comparison); it returns a run of any type.
+        distance: function of two runs that returns their largest difference, m; NaN if they cannot be
+            compared.
+        steps: function of a run that returns its number of integration steps.
         tolerance: m.
     """
     level, floor = LOOSE * tolerance, min(FINEST, FINER * tolerance)
@@ -60,7 +62,8 @@ def refined(
         found = Refined(coarse, error)
         if error <= tolerance or steps(fine) > MOST_STEPS or level <= floor:
             break
-        # Errors are in proportion to the local errors, except for a run that took another path.
+        # The total error is in proportion to the engine's tolerance, unless a contact sticks or slips
+        # differently in the next run.
         needed = max(level * tolerance / (1.5 * error), FARTHEST * level, floor)
         level *= FINER
         coarse = fine

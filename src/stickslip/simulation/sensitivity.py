@@ -45,27 +45,27 @@ if TYPE_CHECKING:
     import xarray as xr
 
 REFERENCE = RelativeLoad()  # the normal force at which the parameters hold
-INITIAL = {  # parts of the initial state, with units
+INITIAL = {  # names of the parts of the initial state, with their units
     "initial_stage_position": "m",
     "initial_stage_velocity": "m/s",
     "initial_end_effector_position": "m",
     "initial_end_effector_velocity": "m/s",
     "initial_bristle_deflection": "m",
 }
-BY_ROW = "initial row "  # prefix of a row's number: the initial value of any state; internal
-# Derivatives are accepted if they change by less than the share SETTLED of the largest one at a tenth of the
-# tolerance; REFINED is the number of attempts.
+BY_ROW = "initial row "  # internal name: this prefix and an index mean the initial value of that state
+# Derivatives are accepted if they change by less than SETTLED times the largest value in time when the
+# tolerance is divided by ten; REFINED is the largest number of such divisions.
 SETTLED, REFINED = 0.01, 4
 # Smallest change of a damping (which may be 0), relative to mass times natural frequency.
 LEAST_DAMPING = 1e-3
-DAMPING = ("N s/m", ANGLE.unit("N s/m"))
+DAMPING = ("N s/m", ANGLE.unit("N s/m"))  # units of a damping
 
 
 class NeighbouringModels(NamedTuple):
     """A model and its neighbours (one slightly changed value each), for derivatives by differences.
 
     Attributes:
-        values, states: parameters and initial state of each neighbour; `steps` are the changes.
+        values, states: parameters and initial state, a row per neighbour; `steps` are the changed amounts.
         drives, periods: drive and period [s] (0: none) of each neighbour; None if all have the same drive.
         itself: drive table of the unchanged model, with the same segments as the neighbours' drives.
         breaks: times of jumps of the normal force, s; all neighbours start a segment at these times.
@@ -83,15 +83,15 @@ class NeighbouringModels(NamedTuple):
 
 
 def initial_row(of: System, name: str) -> int | None:
-    """Return the row of the plant's state that a name of an initial value means; None for others."""
+    """Return the index of the state whose initial value a name means; None for any other name."""
     if name.startswith(BY_ROW):
         return int(name.removeprefix(BY_ROW))
     return row_of(of, name.removeprefix("initial_")) if name in INITIAL else None
 
 
 def _small(of: System, row: int) -> float:
-    """Return a difference of an initial value that is small compared with the motion; for a stop operator,
-    large compared with the difference that puts it on its bound."""
+    """Return the change of an initial value for a derivative (m or m/s), small compared with the motion; for
+    a stop operator of a piezo, large compared with the accuracy of its bound."""
     if row >= of.bodies:
         return 1e-13 if row < of.inner else 1e-10
     return 1e-9 if row % 2 else 1e-12
@@ -225,7 +225,7 @@ def follow_moved(
     load: Drive | None = None,
     over_period: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return samples of the plant, and derivatives of the end-effector's position and of the last state.
+    """Integrate a model with its neighbours; return samples, and derivatives of position and last state.
 
     Shapes: derivatives [times, names] and [states, names]; samples as in `engine.binding.integrate`. `state`
     is replaced by the last state. With `over_period` each neighbour continues to the end of its own period.
@@ -361,8 +361,8 @@ def until_settled(
     tolerance: float,
     least: NDArray[np.float64] | float = 0.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return samples, derivatives [times, names] and their errors [names], at the tolerance at which the
-    derivatives settle. Errors below `least` [names] do not matter."""
+    """Return samples, derivatives [times, names] and their errors [names] of the function `derivatives`, at
+    the first tolerance at which they settle. Errors below `least` [names] do not matter."""
     samples, by = derivatives(tolerance)
     errors = np.full(by.shape[1], math.inf)
     for _ in range(REFINED):
@@ -380,7 +380,7 @@ def warn_unsettled(
     errors: NDArray[np.float64],
     least: NDArray[np.float64] | float,
 ) -> None:
-    """Warn of parameters (by name) whose derivatives have errors too large relative to their values."""
+    """Warn, by name, of parameters whose derivatives `by` [times, names] have too large `errors` [names]."""
     largest = np.abs(by).max(axis=0, initial=0.0)
     for name, error, most, enough in zip(names, errors, largest, least + 0.0 * errors, strict=True):
         if not error <= SETTLED * most + enough:
@@ -390,7 +390,7 @@ def warn_unsettled(
 
 
 def internal(of: System) -> list[tuple[int, Any]]:
-    """Return each row of the state that belongs to an element, with the record of its element."""
+    """Return index and element record of each state that belongs to an element, as pairs."""
     parts = [part_of(e.law, i) for e in of.plant.elements for i in range(elements(e.law))]
     return list(enumerate(parts, of.bodies))
 

@@ -23,8 +23,8 @@ from .models import RelativeLoad, System
 if TYPE_CHECKING:
     import xarray as xr
 
-# Relative excess of a deflection over a law's bound by errors of a trajectory; and by differences of contacts
-# between runs.
+# Limits of a deflection over its bound: up to ROUNDED (errors of a trajectory) it stays; up to FARTHEST (a
+# run with other friction) it is moved to its bound; beyond, it is refused.
 ROUNDED, FARTHEST = 1.01, 2.0
 
 
@@ -76,10 +76,11 @@ def _number(value: Any) -> Any:
 
 
 def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any) -> State | None:
-    """Return the initial state of a trajectory, from a `State` or a previous trajectory; None means at rest.
+    """Return the initial state of a trajectory, from a `State` or a previous trajectory; None if
+    `initial_state` is None.
 
-    Warns if the piezo has memory and the state comes from another waveform: plays and creep are not part of
-    the state, but are computed from the complete drive.
+    Warns if the piezo has memory and the drive until the state's time differs from the previous one: the
+    memory of hysteresis and creep is not part of the state, but computed from the complete drive.
     """
     if initial_state is None:
         return None
@@ -111,10 +112,11 @@ def as_text(state: State) -> str:
 
 
 def maker(of: System, drive: Drive, load: Drive, tolerance: float, until: float) -> str:
-    """Return a hash of everything from which a trajectory up to a time [s] was computed."""
+    """Return a hash of plant, tolerance, drive and load up to the time `until` [s]. If it is the same in a
+    continued run, the solver's data can be used, and the result is the same to the last bit."""
     found = hashlib.sha256(repr((of.plant, tolerance)).encode())
     for table in (drive, load):
-        # the number of segments in a table that ends then
+        # the number of segments before that time
         n = int(np.searchsorted(table.start, until * (1.0 - SLIVER)))
         parts = (table.start[:n], table.polynomial[:n], table.harmonic[: table.first[n]])
         for part in (np.array(table.before), *parts):
@@ -122,7 +124,7 @@ def maker(of: System, drive: Drive, load: Drive, tolerance: float, until: float)
     return found.hexdigest()[:16]
 
 
-# Body of each part, and its offset in the plant's state.
+# Parts of a `State`: the body, and 0 for its position or first deflection, 1 for its velocity.
 PARTS = {
     "stage_position": ("stage", 0),
     "stage_velocity": ("stage", 1),
@@ -133,7 +135,8 @@ PARTS = {
 
 
 def row_of(of: System, part: str) -> int | None:
-    """Return the row of a part in the plant's state, or None."""
+    """Return the index of a part (a key of `PARTS`) in the plant's state; None if this plant has no such
+    state."""
     body, offset = PARTS[part]
     bristle = None if of.clamped or not of.internal else of.bodies
     first = {"stage": of.stage, "slider": of.slider, "bristle": bristle}[body]
@@ -141,12 +144,12 @@ def row_of(of: System, part: str) -> int | None:
 
 
 def placed(state: State, of: System, contact: RelativeLoad, before: float) -> NDArray[np.float64]:
-    """Return a `State` as the solver's array of numbers. `before` is the drive at rest if the state does not
-    contain one.
+    """Return a `State` as the solver's array of numbers. Parts that are None are as at rest under the drive
+    `before` [V].
 
     Raises:
-        QuantityError: a number that is not finite, another number of bristles than the law has, or one that
-            is deflected much further than a law with a bound lets it.
+        QuantityError: a number that is not finite, another number of bristles than the law has, or a bristle
+            that is deflected much further than sliding can deflect it.
     """
     q = contact.rest(of, before)
     if state is REST:

@@ -20,7 +20,7 @@ from .periodic import Orbit, find_orbit
 from .refinement import FINER
 from .trajectory import checked_tolerance, not_within
 
-# Largest stable multiplier; multipliers are known to rounding only.
+# Largest multiplier (growth of a disturbance per period) that counts as stable: 1, and a margin for rounding.
 STABLE = 1.0 + 1e-5
 NOT_FOLLOWED = "the motion could not be followed over one period"
 
@@ -77,13 +77,14 @@ def period_of(waveform: Waveform) -> float:
 
 
 def stable(largest: Any) -> Any:
-    """Return True if a motion with this largest multiplier is stable; also for arrays."""
+    """Return True (or an array) where a motion with this largest absolute multiplier is stable; NaN counts as
+    stable."""
     return ~(np.asarray(largest) > STABLE)
 
 
 def not_found(periods: int, residual: float, largest: float) -> str:
-    """Return the message why no periodic motion was found: periods computed, residual [m] and largest growth
-    factor per period."""
+    """Return the message that no periodic motion was found: `periods` computed, `residual` [m], and `largest`
+    growth factor per period."""
     return (
         f"no motion with the period of the drive was found in {periods} periods: the state still "
         f"changes by {with_prefix(residual, 'm')} per period (largest multiplier {largest:.3g})"
@@ -91,7 +92,8 @@ def not_found(periods: int, residual: float, largest: float) -> str:
 
 
 def unstable(largest: float) -> str:
-    """Return the reason why an unstable periodic motion is not a steady step, in words."""
+    """Return the message that the periodic motion is unstable; `largest` is the growth factor of a
+    disturbance per period."""
     return (
         f"the motion with the period of the drive is unstable (largest multiplier {largest:.3g}): the "
         "actuator will not settle into it"

@@ -35,10 +35,10 @@ from .varied import value_of
 
 Array = NDArray[np.float64]
 
-# Relative change per period below which a disturbance counts as permanent.
+# A disturbance that changes by less than this fraction per period counts as permanent.
 KEPT = 1e-6
-# Share of its bound by which a state is moved to the side where it slips, far more than the difference of
-# neighbours.
+# Distance, as a fraction of its bound, by which a state is moved to the side where its element slips: much
+# larger than the changes for difference quotients.
 ASIDE = 1e-4
 
 
@@ -119,8 +119,14 @@ def _off_edges(of: System, state: Array, slipping: set[int], after: Callable[[Ar
     """Return the state with elements that only just reach their bound within the period moved to the side
     where they slip.
 
-    An element that slips once on its way from rest, and then no more, ends exactly on its bound. Beyond it,
-    its initial state would never be forgotten. `after` returns the state a period later.
+    In such a period an element ends exactly where slipping stops. On the other side of this limit it would
+    never slip, and would keep its initial state for ever, so that there would be no derivative.
+
+    Args:
+        of: the system.
+        state: state at the start of a period.
+        slipping: indices of states that slip at the start; they are not changed.
+        after: function from a state to the state one period later.
     """
     found, last = state.copy(), after(state)
     for row, one in internal(of):
@@ -134,9 +140,9 @@ def _off_edges(of: System, state: Array, slipping: set[int], after: Callable[[Ar
 
 
 def _on_bounds(of: System, state: NDArray[np.float64], drive: Drive) -> set[int]:
-    """Return the rows of internal states that slip on a bound at the start of the motion.
+    """Return the indices of the element states that slip on their bound at the start of the motion.
 
-    A change of such a state is lost at once, and a neighbour beside the bound would pass it within a step.
+    A change of such a state is lost at once, and a neighbour beside the bound would cross it within a step.
     """
     u, rate, _ = value_slope_curvature(drive, 0, 0.0)
     v, found = speeds(of.plant, state, u, rate), set()

@@ -47,16 +47,17 @@ if TYPE_CHECKING:
 
 CONVERGED, STOPPED, MISSED, UNSTABLE, REFUSED = range(5)
 STATUS = ("converged", "not_followed", "not_found", "unstable", "refused")
-BLOCK = 64
+BLOCK = 64  # largest number of members in a block
 
 
-# Function of members, their columns, orbits and status; it is called in the thread that found them.
+# Function that computes further results of a block, arrays by name, from its members, their varied values,
+# orbits and status codes. It is called in the thread that found the orbits.
 Beside = Callable[[Members, Columns, Orbits, NDArray[np.int8]], dict[str, NDArray[np.float64]]]
 
 
 class _SteadyTask(NamedTuple):
-    """Settings of the computation. `tables` is a function from the tolerance to the common table of the
-    drive, or None."""
+    """Settings of the search for steady steps. `tables` is a function from the tolerance [m] to the drive
+    table that all members share, or None; `beside` computes further results, or is None."""
 
     model: Actuator
     waveform: Waveform
@@ -68,8 +69,8 @@ class _SteadyTask(NamedTuple):
 
 
 class OrbitBlock(NamedTuple):
-    """Orbits of a block of members; see `steady_steps` for status and reasons. `beside` is the result of the
-    further function."""
+    """Orbits of a block of members, with a status code (index in `STATUS`) and a reason (empty if converged)
+    for each. `beside` contains the further results by name."""
 
     found: Orbits
     status: NDArray[np.int8]
@@ -145,8 +146,8 @@ def orbit_blocks(
 
     Args:
         columns: result of `members.checked_columns`; the other arguments as for `steady_steps`.
-        beside: further function of each block; its `Members.states` are on the orbits, each at the start of a
-            period.
+        beside: function for further results of each block (see `Beside`); the states of its members are those
+            on the orbits, at the start of a period.
         output: output stage of the drives.
 
     Raises:
@@ -157,7 +158,7 @@ def orbit_blocks(
         waveform, output = of_kind(output, OutputStage, "output").behind(waveform), None
         period = period_of(waveform)
     tolerance = checked_tolerance(model, tolerance)
-    contact_load(load, period)  # report errors of the load before the computation
+    contact_load(load, period)  # raises the errors of an invalid load before the computation
     refuse_other_period(load, _common_period(period, columns))
     refuse_places(model)
     own = output is not None or own_tables(model, waveform, columns)
@@ -168,7 +169,8 @@ def orbit_blocks(
 
 
 def _common_period(period: float, columns: Mapping[str, NDArray[np.float64]]) -> float | None:
-    """Return the period of all members, s; None if it may differ or not exist."""
+    """Return the period that all members share, s; None if periods differ or one is not positive. `period` is
+    that of the unchanged waveform."""
     if not any(name.startswith(("frequency", "period")) for name in columns):
         return period
     own = columns.get("frequency", columns.get("period", np.zeros(1)))
@@ -202,8 +204,8 @@ def _block(task: _SteadyTask, columns: Mapping[str, NDArray[np.float64]]) -> Orb
 def _orbits(
     task: _SteadyTask, columns: Columns, tolerance: float, states: NDArray[np.float64] | None = None
 ) -> tuple[Members, Orbits]:
-    """Return the members with drives tabulated for a tolerance [m], and their orbits, searched from the
-    states or from rest."""
+    """Return the members, with drive tables for a tolerance [m], and their orbits. The search starts from
+    `states` [members, states], or from rest if None."""
     rows = task.model, task.waveform, task.tables, task.load, columns
     of = prepared(*rows, None, tolerance, periodic=True, output=task.output)
     if states is not None:

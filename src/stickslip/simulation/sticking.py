@@ -14,11 +14,11 @@ from .models import system
 
 Array = NDArray[np.float64]
 
-_DEFLECTION, _VELOCITY = 1e-9, 1e-6  # m and m/s, small compared with presliding
+_DEFLECTION, _VELOCITY = 1e-9, 1e-6  # differences in m and m/s for the slopes, small compared with presliding
 
 
 def slopes(law: Any) -> tuple[float, float]:
-    """Return the stiffness ∂F/∂z [N/m] and damping ∂F/∂v [N s/m] of a contact at rest."""
+    """Return stiffness ∂F/∂z [N/m] and damping ∂F/∂v [N s/m] of a friction law at rest, by differences."""
     stiffness = damping = 0.0
     for i in range(elements(law)):
         one = element(law, i)

@@ -1,12 +1,12 @@
 """A trajectory between end stops: free motion, impacts and rest at a stop, one piece after the other.
 
-The engine knows no stops. Each piece is a run of its own, which ends where the position passes a stop. The
-position is looked at `PER_CYCLE` times a cycle, and at its extremum between two looks, by the velocities. The
-instant of an impact is then found on the continuous extension of the steps.
+The engine has no end stops. Each piece is a run of the engine that ends where the position passes a stop. The
+position is checked `PER_CYCLE` times a cycle; between two checks, its extremum is computed from positions and
+velocities. The time of an impact is then found on the continuous extension of the integration steps.
 
-At rest, a `Coulomb` contact with a great breakaway force R holds the body, and a constant force of the size R
-pushes the body off the stop. The two together resist a push towards the stop and no other: the body is
-released where the push changes its direction, and its motion is then the free one.
+At rest, a `Coulomb` contact with a large breakaway force R holds the body, and a constant force R pushes the
+body off the stop. Together they resist only a push towards the stop: the body is released when the push
+changes its direction, and then moves freely.
 """
 
 from __future__ import annotations
@@ -32,23 +32,26 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-PER_CYCLE = 64.0  # looks at the position in 2 pi / rate
-LOOKS = 4096  # in one run of the engine
-CLOSE = 1e-3  # of the tolerance: how far a body may leave a stop before its motion is that of the free plant
-STILL = 1e-3  # of tolerance times rate: a rebound at a smaller speed is a rest
-HALVINGS = 48  # of the time in which a body may have left a stop and come back
-FIRST_HOLD, STRONGER, MOST_HOLD = 30.0, 30.0, 1e12  # R over the acceleration seen before, and its growth
+PER_CYCLE = 64.0  # checks of the position in the time 2 pi / rate of the plant
+LOOKS = 4096  # largest number of checks in one run of the engine
+CLOSE = 1e-3  # distance from a stop, as a fraction of the tolerance, at which a resting body becomes free
+STILL = 1e-3  # a rebound slower than this fraction of tolerance times rate counts as rest at the stop
+HALVINGS = 48  # halvings of an interval in which a body may leave a stop and return
+# R, as a multiple of the plant's rate times the speed of the fastest impact: first value, factor if R is too
+# small, and largest value.
+FIRST_HOLD, STRONGER, MOST_HOLD = 30.0, 30.0, 1e12
 
 
 class Impact(NamedTuple):
-    """An impact: time, s; velocity before it, m/s."""
+    """An impact on an end stop: its time, s, and the velocity before the impact, m/s."""
 
     time: float
     velocity: float
 
 
 class Stopped(NamedTuple):
-    """Result of a run, as `engine.binding.integrate` gives it, and its impacts."""
+    """Result of a run between end stops: outcome (see `engine.outcome`), time reached [s], number of accepted
+    and of rejected steps, and impacts."""
 
     outcome: int
     reached: float
@@ -60,7 +63,8 @@ class Stopped(NamedTuple):
 def refuse_end_stops(
     model: Actuator | PulledSlider, stops: EndStops | None, energy: bool, position: float
 ) -> None:
-    """Raise QuantityError for stops that the model cannot have, or a start beyond them."""
+    """Raise QuantityError for end stops that the model cannot have, or that exclude the start `position` [m];
+    `energy`: an energy account is requested, which end stops do not allow. None as `stops` is valid."""
     if stops is None:
         return
     of_kind(stops, EndStops, "end_stops")
@@ -82,7 +86,7 @@ def refuse_end_stops(
 
 
 def labelled_impacts(found: tuple[Impact, ...]) -> dict[str, xr.DataArray]:
-    """Return the velocities before impacts over their times."""
+    """Return the velocities before the impacts over the coordinate "impact_time", as a variable by name."""
     import xarray as xr
 
     times, velocities = np.array(found).reshape(-1, 2).T
@@ -92,7 +96,13 @@ def labelled_impacts(found: tuple[Impact, ...]) -> dict[str, xr.DataArray]:
 
 
 class StoppedRun:
-    """A run of a trajectory between end stops; arguments as those of `engine.binding.integrate`."""
+    """A run of a trajectory between end stops.
+
+    Args:
+        of: system of the model.
+        stops: the end stops.
+        drive, load, tolerance, careful, max_steps: as for `engine.binding.integrate`.
+    """
 
     def __init__(
         self,
@@ -111,7 +121,8 @@ class StoppedRun:
         self.impacts: list[Impact] = []
 
     def follow(self, q: Array, span: tuple[float, float], times: Array, samples: Array) -> Stopped:
-        """Fill the samples [times, columns] from the state q, which becomes the last one."""
+        """Integrate over `span` [s] from the state q, which is replaced by the last state; fill the samples
+        [times, columns]."""
         t, end, x = span[0], span[1], self.of.slider
         filled = 0
         still = STILL * self.tolerance * self.of.plant.rate
@@ -129,7 +140,7 @@ class StoppedRun:
             outcome, t, passed, filled = self._piece(plant, q, t, end, low, high, times, samples, filled)
             if not passed:
                 continue
-            if side and passed == side:  # the hold was too weak
+            if side and passed == side:  # the holding force was too weak: repeat the piece with a larger one
                 if size > MOST_HOLD:
                     outcome = TOO_MANY_STEPS
                 size, t, q[:] = STRONGER * size, begun, before
@@ -147,8 +158,8 @@ class StoppedRun:
         return Stopped(outcome, t, self.steps[0], self.steps[1], tuple(self.impacts))
 
     def _side(self, q: Array, still: float) -> float:
-        """Return the stop at which the body rests: -1 (lower), 1 (upper), or 0 where it moves faster than
-        `still` [m/s]."""
+        """Return the stop at which the body rests: -1 (lower), 1 (upper), or 0 if it is at no stop, or leaves
+        one faster than `still` [m/s]."""
         position, velocity = q[self.of.slider : self.of.slider + 2]
         for side, stop in ((-1.0, self.stops.low), (1.0, self.stops.high)):
             if position == stop and side * velocity >= -still:
@@ -161,7 +172,8 @@ class StoppedRun:
     def _run(
         self, plant: ComposedPlant, q: Array, span: tuple[float, float], times: Array
     ) -> tuple[int, Array]:
-        """Return the outcome and the samples [times, columns of the plant]; NaN where none was reached."""
+        """Integrate a plant from a copy of the state q over `span` [s]; return the outcome and the samples
+        [times, columns of the plant], NaN after the time reached."""
         rows = np.full((times.size, plant.columns), np.nan)
         outcome, _, accepted, rejected = integrate(
             *(plant, *self.tables, q.copy(), span, self.tolerance, self.careful, self.max_steps, times, rows)
@@ -182,10 +194,19 @@ class StoppedRun:
         samples: Array,
         filled: int,
     ) -> tuple[int, float, float, int]:
-        """Follow a plant until it passes a bound of its position, or through `LOOKS` looks.
+        """Integrate a plant until its position leaves the range from `low` to `high` [m], at most through
+        `LOOKS` checks.
 
-        Returns the outcome, the time reached, the bound (-1, 1; 0 if none) and the number of filled samples;
-        q becomes the state then.
+        Args:
+            plant, q: plant, and its state, which is replaced by the state at the time reached.
+            t, end: start, and latest end, s.
+            low, high: bounds of the position, m.
+            times, samples: sample times [s] of the whole run, and their rows.
+            filled: number of rows of `samples` that are filled already.
+
+        Returns:
+            The outcome, the time reached [s], the bound that is passed (-1 lower, 1 upper, 0 none), and the
+                new number of filled rows.
         """
         x, n = self.of.slider, self.free.states
         apart = 2.0 * np.pi / self.of.plant.rate / PER_CYCLE
@@ -212,7 +233,7 @@ class StoppedRun:
         if first:
             t, q[:] = float(at[first - 1]), rows[first - 1, :n]
         passed = self._passes(plant, q, t, float(until), low, high)
-        if passed is None:  # by the velocities it passes, by the positions it does not
+        if passed is None:  # the cubic between two checks passes the bound, but the motion does not
             _, found = self._run(plant, q, (t, float(until)), np.array([until]))
             q[:] = found[0, :n]
             return DONE, float(until), 0.0, filled
@@ -224,8 +245,8 @@ class StoppedRun:
     def _passes(
         self, plant: ComposedPlant, q: Array, t: float, until: float, low: float, high: float
     ) -> tuple[float, float] | None:
-        """Return when [s] and which bound (`low` or `high` [m]) is passed before `until`, or None; q becomes
-        the state then."""
+        """Return the time [s] at which the position first passes a bound before `until`, and the bound (-1
+        `low`, 1 `high`); None if it passes none. The state q becomes that at this time."""
         x, n = self.of.slider, self.free.states
         within = np.unique(t + (until - t) * 2.0 ** -np.arange(HALVINGS, -1.0, -1.0))
         rows = self._run(plant, q, (t, until), within[within > t])[1]
@@ -233,7 +254,7 @@ class StoppedRun:
         if not out.any():
             return None
         last = int(np.argmax(out != 0.0))
-        if last == 0:  # it has never been away: it rests there
+        if last == 0:  # outside from the start: the body rests at this stop
             q[x + 1] = 0.0
             return t, float(out[0])
         bound = high if out[last] > 0.0 else low
@@ -249,7 +270,14 @@ class StoppedRun:
 
 
 def held(plant: Plant, mode: int, side: float, push: float) -> Plant:
-    """Return the plant with a mode that rests at a stop on its `side`, up to a push [m/s^2] towards it."""
+    """Return the plant with one mode held at a stop.
+
+    Args:
+        plant: the free plant.
+        mode: index of the body's mode.
+        side: -1 for the lower stop, 1 for the upper one.
+        push: largest acceleration towards the stop that the stop resists, m/s².
+    """
     shares = [0.0 if m != mode else 1.0 for m in range(len(plant.modes))]
     stop = Element(Coulomb(1.0), tuple(shares), tuple(-push * share for share in shares))
     body = plant.modes[mode]
@@ -264,9 +292,11 @@ def _outside(positions: Array, low: float, high: float) -> Array:
 
 
 def _peak(times: Array, states: Array, low: float, high: float) -> tuple[int, float] | None:
-    """Return the interval, and the instant in it, of the first extremum beyond a bound between two looks.
+    """Return the index of the interval, and the time [s], of the first extremum beyond a bound between two
+    checks; None if there is none.
 
-    The motion between two looks is the cubic of their positions and velocities.
+    The motion between two checks is approximated by the cubic through positions and velocities, `states`
+    [times, 2].
     """
     h = np.diff(times)
     (x0, v0), (x1, v1) = states[:-1].T, states[1:].T

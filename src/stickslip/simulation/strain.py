@@ -14,7 +14,7 @@ from ..friction import elements, rate
 # Sliding speed at which the largest deflection of an element is computed. It is far below every Stribeck
 # velocity, so that the friction still has its value at rest.
 _CREEPING = 1e-9  # m/s
-_FARTHEST = 1.0  # m, for a law whose bristle deflection has no bound
+_FARTHEST = 1.0  # m, largest deflection that is tried for a law without a bound
 
 
 def strained(law: Any, force: float, velocity: float = 0.0) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Motion of an actuator from tick to tick, for a controller whose voltages are not known in advance.
+"""Motion of an actuator from one tick of a controller to the next: its voltages are not known in advance.
 
 Between two ticks the trajectory is that of `simulate`, by the same solver. The end of one tick is the start
 of the next, so the result equals that for the complete drive within the tolerance.
@@ -38,7 +38,7 @@ class Motion:
 
     Args:
         model: the actuator.
-        voltage: voltage at which it has rested for long, V, reached from 0 V.
+        voltage: voltage at which the actuator has rested for long, V, reached monotonically from 0 V.
         load: normal force relative to the reference at which the friction parameters hold.
         tolerance: tolerance of the end-effector's position in each tick, m.
         remanence: states of the piezo's plays and creep terms, V; by default those after a long rest.
@@ -70,10 +70,10 @@ class Motion:
         self.time = 0.0
 
     def hold(self, volts: float, duration: float) -> None:
-        """Continue the motion for `duration` s at a constant voltage, to which it jumps.
+        """Continue the motion for `duration` [s] at a constant voltage [V], to which the drive jumps at once.
 
         Raises:
-            QuantityError: a static stage would jump with it.
+            QuantityError: the stage is static, so that it would jump with the voltage.
             SimulationError: the motion could not be simulated.
         """
         if self._piezo is not None:
@@ -83,8 +83,11 @@ class Motion:
         self._on(volts, volts, 1, duration)
 
     def follow(self, times: Array, volts: Array) -> None:
-        """Continue the motion under voltages [n], linear in between, at times [n], s from now, the first of
-        them 0.
+        """Continue the motion under voltages that are linear between samples.
+
+        Args:
+            times: sample times [n], s from now; the first is 0.
+            volts: voltages [n], V.
 
         Raises:
             QuantityError, SimulationError: as for `hold`.
@@ -99,7 +102,8 @@ class Motion:
         self._on(float(volts[0]), float(volts[-1]), n, float(times[-1]))
 
     def _on(self, begin: float, volts: float, segments: int, end: float) -> None:
-        """Continue the motion through the first `segments` segments of the table."""
+        """Continue the motion through the first `segments` segments of the table, to `end` [s from now].
+        `begin` and `volts` are the first and last voltage [V] after the piezo."""
         rows = self._start[:segments], self._polynomial[:segments], self._first[: segments + 1]
         if self._cannot_jump and not math.isclose(begin, self._volts, rel_tol=1e-9, abs_tol=1e-9):
             raise QuantityError(
@@ -117,8 +121,8 @@ class Motion:
 
     @property
     def remanence(self) -> tuple[Array, Array] | None:
-        """Return the states of plays and creep, for the argument of the same name; None without a piezo
-        model."""
+        """Return the states of the piezo's plays and creep terms, V, as the argument `remanence` takes them;
+        None without a piezo model."""
         return None if self._piezo is None else self._piezo.remanence
 
     @property
@@ -141,7 +145,8 @@ class Motion:
 
     @property
     def stage_velocity(self) -> float:
-        """Return the velocity of the stage, m/s; 0 at the ticks for a stage that follows its drive."""
+        """Return the velocity of the stage, m/s; always 0 for a static stage, whose velocity is that of its
+        drive."""
         return float(sum(self._q[c + 1] for c in self._of.stages))
 
     def _room(self, segments: int) -> None:
@@ -150,7 +155,13 @@ class Motion:
 
 
 class _PiezoState:
-    """States of a piezo's plays and creep, exact at the points of a drive."""
+    """Memory of a piezo between ticks: states of plays and creep terms, exact at the samples of the drive.
+
+    Args:
+        piezo: the piezo model.
+        rest: voltage of a long rest before the first tick, V.
+        remanence: states of plays and creep terms to continue from, V; None: those of the rest.
+    """
 
     def __init__(self, piezo: Piezo, rest: float, remanence: tuple[Array, Array] | None) -> None:
         hysteresis, after = piezo.hysteresis, piezo.creep
@@ -173,7 +184,8 @@ class _PiezoState:
         return self._plays.copy(), self._terms.copy()
 
     def through(self, times: Array, volts: Array) -> Array:
-        """Return the voltages behind the piezo [n] for voltages at these times [s], and update the states."""
+        """Return the voltages after hysteresis and creep [n] for voltages [n] at these times [s], and update
+        the memory."""
         level = volts
         if self._operators is not None:
             level = np.empty(volts.size)

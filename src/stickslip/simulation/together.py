@@ -1,8 +1,9 @@
 """Several actuators under one end-effector: each has its own stage, contact and drive.
 
-Contacts that slip one after the other cooperate: those that stick hold the end-effector. The plant is joined
-from those of the actuators; the engine has one drive. So each piece between two breaks of any drive is a run
-of its own, in which every drive is a straight line of the time since the break.
+Contacts that slip one after the other cooperate: the sticking ones hold the end-effector. One plant contains
+all actuators, but the engine accepts only one drive. So each piece between two breaks of any drive is a run
+of its own: the engine's drive is the time since the break, and the coefficients of the plant contain the
+straight line of each actual drive.
 """
 
 from __future__ import annotations
@@ -34,17 +35,19 @@ from .trajectory import checked_tolerance, not_within, sample_times
 
 Array = NDArray[np.float64]
 
-MAX_STEPS = 20_000_000  # of one piece
+MAX_STEPS = 20_000_000  # largest number of integration steps in one piece
 
 
 class Joined(NamedTuple):
-    """Plant of several actuators with the end-effector as its last mode; `stages`: modes of each stage."""
+    """Plant of several actuators; the end-effector is its last mode. `stages`: the indices of each stage's
+    modes."""
 
     plant: Plant
     stages: tuple[tuple[int, ...], ...]
 
     def over(self, drives: Sequence[Drive], start: float) -> Plant:
-        """Return the plant for the drive t - start [s], from `start` to the next break of `drives`."""
+        """Return the plant whose drive is t - start [s], valid from `start` to the next break of the
+        actuators' `drives`: their straight lines become coefficients of the plant."""
         modes, contacts = list(self.plant.modes), []
         for drive, own, contact in zip(drives, self.stages, self.plant.elements, strict=True):
             piece = int(segment_at(drive, np.array([start]))[0])
@@ -108,7 +111,13 @@ def _refuse(one: Actuator, first: Actuator, i: int) -> None:
 
 
 def _moved(of: System, own: tuple[int, ...], count: int) -> Element:
-    """Return the contact of an actuator over the modes of all stages and the end-effector."""
+    """Return the contact of an actuator with coefficients for the modes of all stages and the end-effector.
+
+    Args:
+        of: system of the actuator alone.
+        own: indices of its modes in the common plant.
+        count: number of modes of all stages.
+    """
     contact = of.plant.elements[0]
 
     def over_all(shares: Sequence[float | None]) -> tuple[float | None, ...]:
@@ -135,7 +144,7 @@ def simulate_together(
 
     Args:
         actuators: at least two, with the same end-effector mass and external force.
-        waveforms: V, one for each; straight between their breaks (`PeriodicKnots`, sawteeth, `Sampled`).
+        waveforms: V, one per actuator; linear between their breaks (`PeriodicKnots`, sawteeth, `Sampled`).
         duration, sample_rate, times, tolerance: see `simulate`.
 
     Returns:
@@ -144,7 +153,7 @@ def simulate_together(
         drive_voltage (V). attrs["error_estimate"]: m. A `SimulationWarning` if it exceeds the tolerance.
 
     Raises:
-        QuantityError: an actuator or a waveform that cannot be part of this.
+        QuantityError: an actuator that cannot be joined, or a waveform that is not linear between its breaks.
         SimulationError: the motion could not be followed to its end.
     """
     of = joined(actuators)
@@ -185,7 +194,8 @@ class _Run(NamedTuple):
 
 
 def _straight(model: Actuator, waveform: Waveform, end: float, i: int) -> Drive:
-    """Return the table of a waveform; raises QuantityError where it is not straight between its breaks."""
+    """Return the drive table [V] up to `end` [s] of actuator `i`; raise QuantityError if it is not linear
+    between its breaks."""
     table = checked_drive(model, waveform, end, False, math.inf)
     if table.harmonic.size or np.any(table.polynomial[:, 2:]):
         raise QuantityError(
@@ -196,8 +206,8 @@ def _straight(model: Actuator, waveform: Waveform, end: float, i: int) -> Drive:
 
 
 def _followed(of: Joined, drives: Sequence[Drive], times: Array, tolerance: float, careful: bool) -> _Run:
-    """Integrate the plant over all pieces of the drives, and return samples [times]; they are NaN after a
-    point that cannot be passed."""
+    """Integrate the plant over all pieces of the drives; return samples at the times [s], and the number of
+    steps. If a piece fails, the later samples are NaN."""
     free = ComposedPlant(of.plant)
     end, samples, steps = float(times[-1]), np.full((times.size, free.columns), np.nan), 0
     starts = np.unique(np.concatenate([drive.start for drive in drives]))

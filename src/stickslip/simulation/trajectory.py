@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 COMPLETE = "complete"
-TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)  # m; a step is smaller
+TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)  # m; steps are below 1 mm
 _OUTCOMES = {
     STEP_TOO_SMALL: "the steps no longer advance, for they fell below what floating point can resolve. Try "
     "another tolerance, or a drive without jumps",
@@ -181,8 +181,8 @@ class FollowedTrajectory(NamedTuple):
 
 
 class _TrajectoryRun(NamedTuple):
-    """Result of the solver for a task with the table `drive`: samples in the plant's own layout, and the rest
-    as `FollowedTrajectory`."""
+    """Result of one run of the solver: `drive`, its segment table; samples in the plant's own columns;
+    `place`, last position of the end-effector, m; the rest as in `FollowedTrajectory`."""
 
     drive: Drive
     samples: NDArray[np.float64]
@@ -256,7 +256,7 @@ class _Task(NamedTuple):
             reached = float(times[~keep][0]) if run.outcome == NO_NUMBER else run.reached
             text = f"stopped at t = {with_prefix(reached, 's')} of {with_prefix(times[-1], 's')}: {reason}"
             times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
-        if self.anew and times.size:  # the run started before the continued state
+        if self.anew and times.size:  # the first sample is the start of the energy account
             start, work = samples[0], work - work[0]
             times, samples, work = times[1:], samples[1:], work[1:]
         elif self.energy:
@@ -343,10 +343,10 @@ def sample_times(
     start: float = 0.0,
     numbers: int = 10,
 ) -> NDArray[np.float64]:
-    """Return the given sample times, or those of a rate and duration; `numbers` are stored at each.
+    """Return the sample times [s]: `times`, or those of a rate and duration. `numbers` are stored per time.
 
     Raises:
-        QuantityError: see `simulate`.
+        QuantityError: too many samples in all, invalid times, or see `simulate`.
     """
     if times is not None:
         made = array_si(times, "s", "times")

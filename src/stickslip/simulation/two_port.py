@@ -16,23 +16,23 @@ from .plant.system import Element, Plant
 
 Array = NDArray[np.float64]
 
-# The states of the stop operators are voltages, written as metres with a fixed scale, because the solver's
-# tolerances are in metres. The gain would not do as scale: their bounds would differ between neighbours with
-# different gain.
+# Scale of the stop operators' states: voltages are converted to metres, because the solver's tolerances are
+# in metres. The scale is fixed, since with the gain as scale a change of the gain would move the bounds.
 PER_VOLT = 1e-7  # m/V
 
 
 def driven_by_voltage(model: Actuator | PulledSlider) -> bool:
-    """Return True if the model has a piezo whose elements slip while the stage moves."""
+    """Return True if the model has a `MaxwellCapacitor` under voltage control, whose elements slip while the
+    stage moves."""
     return isinstance(model, Actuator) and model.two_port is not None and not model.two_port.charge_drive
 
 
 def element_of(model: Actuator | PulledSlider, modes: int) -> Element | None:
-    """Return the stop operators of `MaxwellCapacitor` on e = u + T y/C_0 as an element, for a stage that is
-    the first of `modes`; None for another piezo.
+    """Return the stop operators of a `MaxwellCapacitor` as an element of the plant; None for any other model.
 
-    Their sum [V], multiplied by C ω_n², is subtracted from the drive's acceleration of the stage. A stop
-    operator is a spring that slips, so that this is the Maxwell slip law.
+    Their input is e = u + T y/C_0. Their sum [V], multiplied by C ω_n², is subtracted from the acceleration
+    of the stage, which is the first of `modes` modes. A stop operator is a spring that slips, so they are a
+    Maxwell slip law.
     """
     if not driven_by_voltage(model):
         return None
@@ -50,13 +50,17 @@ def element_of(model: Actuator | PulledSlider, modes: int) -> Element | None:
 
 
 def _elements(values: Array) -> tuple[Any, ...]:
-    """Return values [elements] or [elements, members] in the form of a law."""
+    """Return values [elements] or [elements, members] as the tuple of a law's field: numbers, or arrays
+    [members]."""
     return tuple(values.tolist() if values.ndim == 1 else values)
 
 
 def settle(plant: Plant, q: Array, first: int, before: float) -> None:
-    """Set the stops' states, from the entry `first` on, and the stage to rest under the drive `before` [V],
-    reached from 0 V. On entry, q[0] is the stage's position without the stops."""
+    """Set the state q to rest under the drive `before` [V], reached from 0 V: the states of the stop
+    operators, at q[first] and after, and the stage's position q[0].
+
+    On entry, q[0] is the stage's position without the stop operators.
+    """
     element, mode = plant.elements[-1], plant.modes[0]
     law, felt, given = element.law, element.velocity[0] or 0.0, -(element.push[0] or 0.0) / mode.stiffness
     share = np.array(law.stiffness)

@@ -14,14 +14,22 @@ from ..waveform.pieces import MOST_PERIODS
 
 
 class Ratio(NamedTuple):
-    """A field that a law bounds by other fields: it equals `value * scale`, and is constant unless it is
-    free."""
+    """A ratio that replaces a field of a law in fits, because other fields bound it: field = ratio × scale. A
+    ratio that is not varied stays constant.
+
+    Attributes:
+        field: name of the bounded field.
+        scale: function from the fields of the law, by name, to the scale.
+        needs: names of the fields that `scale` uses.
+        lower, upper: default bounds of a search for the ratio.
+        most: largest valid ratio.
+    """
 
     field: str
     scale: Callable[[Mapping[str, float]], float]
     needs: tuple[str, ...]
     lower: float
-    upper: float  # default end of a search
+    upper: float
     most: float
 
 
@@ -40,7 +48,8 @@ RATIOS = {
 }
 
 
-# Prefix of the names of values of the piezo, and of values of the normal force along the stroke.
+# Prefixes of the names of the piezo's numbers ("piezo_weight_2"), and of the numbers of a normal force that
+# changes along the stroke ("normal_force_slope").
 PIEZO = "piezo_"
 NORMAL = "normal_force_"
 NORMAL_FIELDS = {NORMAL + field: field for field in NormalForce._fields}
@@ -56,7 +65,8 @@ def ratios_of(law: Any) -> dict[str, Ratio]:
 
 
 def element_of(law: Any, name: str) -> tuple[str, int] | None:
-    """Return field and index of a name such as "stiffness_2"; None if the law has no such element."""
+    """Return field and index (from 0) of a name such as "stiffness_2"; None if the law has no such
+    element."""
     match = re.fullmatch(r"(\w+)_(\d+)", name)
     values = getattr(law, match[1], None) if match and match[1] in law._fields else None
     if not match or not isinstance(values, tuple) or not 1 <= int(match[2]) <= len(values):
@@ -84,8 +94,8 @@ def free_names(model: Any) -> list[str]:
 
 
 def with_normal_force(model: Any, names: Iterable[str]) -> Any:
-    """Return the model with a uniform normal force along the stroke added, if a name belongs to a normal
-    force and the model has none. Then models that differ in such a value have the same type."""
+    """Return the model with a normal force along the stroke, here uniform, if one of the names varies such a
+    force and the model has none. Then all varied models have the same structure."""
     if any(name in NORMAL_FIELDS for name in names) and model.normal_force is None:
         return model.replace(normal_force=NormalForce())
     return model
@@ -98,7 +108,8 @@ def piezo_names(model: Any) -> list[str]:
 
 
 def drive_names(model: Any) -> list[str]:
-    """Return the names of the piezo's numbers that change the drive of the stage."""
+    """Return the names of the piezo's numbers that change the voltage after hysteresis and creep; none for a
+    `MaxwellCapacitor`, which is part of the plant."""
     return [] if getattr(model, "two_port", None) is not None else piezo_names(model)
 
 
@@ -108,7 +119,7 @@ def model_names(model: Any) -> list[str]:
 
 
 def _parts(model: Any) -> list[Any]:
-    """Return hysteresis and creep of the model's piezo, as far as it has them."""
+    """Return the records of the model's piezo, hysteresis and creep, without those that are None."""
     return [part for part in getattr(model, "piezo", None) or () if part is not None]
 
 
@@ -122,7 +133,9 @@ def _part_of(model: Any, name: str) -> Any:
 
 
 def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the fields of the law, and the changed fields of the system, with these values, unchecked.
+    """Return all fields of the law, and the changed fields of the model, after setting `values` (numbers by
+    name). They are not checked.
+
 
     A field of `RATIOS` that is not among the values keeps its ratio. Values may be arrays of one length.
     """
@@ -157,7 +170,8 @@ def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any
 
 
 def changed_piezo(model: Any, values: Mapping[str, Any]) -> Any:
-    """Return the piezo of the model with those of the values that belong to it, unchecked."""
+    """Return the piezo of the model after setting those of `values` (by name) that belong to it; they are not
+    checked."""
 
     def changed(part: Any) -> Any:
         names = _names_of_part(part)
@@ -190,7 +204,8 @@ def with_values(model: Any, values: Mapping[str, float]) -> Any:
 
 
 def record_names(record: Any) -> list[str]:
-    """Return the names of a record that may vary: its numbers, and those in its lists ("value_3")."""
+    """Return the names of a record's numbers that may vary: scalar fields, and entries of lists
+    ("value_3")."""
     names = []
     for field in quantities(type(record)) if hasattr(record, "_fields") else ():
         value = getattr(record, field)
@@ -202,7 +217,11 @@ def record_names(record: Any) -> list[str]:
 
 
 def record_field(record: Any, name: str) -> tuple[str, int | None]:
-    """Return field and index of a name such as "value_3"; the index is None for a scalar field."""
+    """Return field and index (from 0) of a name such as "value_3"; the index is None for a scalar field.
+
+    Raises:
+        KeyError: the record has no number of this name.
+    """
     match = re.fullmatch(r"(\w+)_(\d+)", name)
     for field in record._fields:
         if field == name:
@@ -220,7 +239,8 @@ def record_value(record: Any, name: str) -> float:
 
 
 def put_in(record: Any, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of the record with these values, unchecked."""
+    """Return the fields of the record by name, after setting `values` (by name, see `record_names`); they are
+    not checked."""
     fields = record._asdict()
     for name, value in values.items():
         field, index = record_field(record, name)
@@ -230,7 +250,7 @@ def put_in(record: Any, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def value_of(model: Any, name: str, waveform: Any = None) -> float:
-    """Return the named number of the model, else of the waveform."""
+    """Return the number with this name, from the model, or else from the waveform."""
     if waveform is not None and name not in model_names(model):
         return record_value(waveform, name)
     of_law, ratio = law_of(model)._asdict(), ratios_of(law_of(model)).get(name)
@@ -262,7 +282,7 @@ def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
     return known.get(element[0] if element else name)
 
 
-@cache  # called again for each member's fields
+@cache  # called once per field and member of an ensemble
 def _singular(field: str) -> str:
     return re.sub("sses$", "sss", re.sub("ies$", "ys", field)).removesuffix("s")
 

@@ -1,1 +1,2 @@
-"""Linear bodies and the elements that act on them, composed into one system of equations; see `system`."""
+"""Linear modes of bodies and the elements that act on them as one system of equations; see the module
+`system`."""

@@ -1,4 +1,5 @@
-"""Drive after a piezo: from a segment table of the voltage to one of the free stroke divided by the gain.
+"""Drive after a piezo: conversion of the voltage's segment table to that of the free stroke divided by the
+gain.
 
 The stroke does not depend on the stage, so it is computed once, before the equations of motion are solved.
 The stage then has a drive like any other, with breaks where plays start to move.
@@ -18,7 +19,8 @@ from .splitting import through
 
 
 def tabulated(piezo: Piezo | None) -> bool:
-    """Return True if the drive after the piezo is approximated instead of exact."""
+    """Return True if the drive after the piezo is an approximation (creep, or Duhem hysteresis), so that its
+    table depends on a precision."""
     return piezo is not None and (piezo.creep is not None or is_duhem(piezo.hysteresis))
 
 
@@ -30,15 +32,17 @@ def at_piezo(
     period: float | None = None,
     settled: bool = False,
 ) -> Drive:
-    """Return the drive [V] after hysteresis and creep, up to `end` [s].
+    """Return the segment table of the voltage [V] after hysteresis and creep, up to `end` [s].
+
 
     Args:
-        piezo: the model; before the drive it rested long at `drive.before`, reached from 0 V.
-        drive: segment table.
+        piezo: the model; before the drive starts, the piezo has rested for long at `drive.before`, reached
+            from 0 V.
+        drive: segment table of the voltage.
         end: end of the result, s.
         precision: largest error, V: half from the hysteresis, half from the creep.
         period: period of a drive that repeats, s.
-        settled: return the table of one period, until `end`, after many.
+        settled: return one period in the steady state, after many periods; `end` is then the period.
     """
     made = drive
     if isinstance(piezo.hysteresis, MaxwellCapacitor):

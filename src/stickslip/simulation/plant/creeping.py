@@ -7,7 +7,8 @@ r"""A drive with creep: each Kelvin-Voigt term in closed form for each segment, 
 This is the response to the polynomial of a segment, :math:`\sum_j c_j t^j`. Nothing cancels in the sum,
 however short or long the segment is compared with the time constant: :math:`I_j = j!\,\varphi_{j+1}(-z)`, the
 functions of exponential integrators [hochbruck2010]. The response to a harmonic is a smaller and delayed one.
-A piece ends where the error of the cubic through values and slopes of its ends could exceed the precision.
+The segments are divided into pieces, short enough that the cubic through values and slopes of both ends has
+the required precision.
 """
 
 from __future__ import annotations
@@ -46,25 +47,30 @@ def weights(z):
 def creep_pieces(
     tau: Array, shares: Array, drive: Drive, end: float, x: Array, pieces: Cubics, most: float
 ) -> int:
-    """Fill the pieces with the creep added to the polynomials of a drive up to `end` [s], within `most` [V];
-    return their number, or -1 if there is no room for them.
+    """Fill `pieces` with cubics for the creep of the polynomials of a drive up to `end` [s]; return their
+    number, or -1 if they do not fit.
 
-    x are the creep terms at the start, and are replaced by those at the end. The creep of harmonics is left
-    to the caller.
+    Args:
+        tau, shares: time constant [s] and share of each creep term.
+        drive: segment table; the creep of its harmonics is left to the caller.
+        end: s.
+        x: state of each term at the start, V; replaced by the state at the end.
+        pieces: arrays to fill.
+        most: largest error, V.
     """
     table, terms, made = DriveTable(drive), doubles(x, "terms", True), cubics_struct(pieces)
     return library().stickslip_lags_cubics(struct_of(tau, shares), table.struct, end, terms, most, made)
 
 
 def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float) -> Drive:
-    """Return the sum of a drive and its creep, up to `end` [s]. `terms` [V] at the start are replaced by
-    those at the end.
+    """Return the sum of a drive and its creep, up to `end` [s].
 
     Args:
         of: model of the creep.
-        drive: segment table; before its start it rests at `drive.before`.
+        drive: segment table; before its start the voltage is `drive.before`.
         end: end of the result, s.
-        terms: creep terms, V, one for each time constant.
+        terms: creep terms, V, one per time constant; their values at the start are replaced by those at the
+            end.
         precision: largest error, V.
 
     Raises:
@@ -90,8 +96,8 @@ def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float
 
 
 def settled_terms(of: Creep, drive: Drive, period: float) -> Array:
-    """Return the creep of each time constant [V] at the start of a period [s], once it repeats from period to
-    period; `drive` is one period."""
+    """Return the creep terms [V] at the start of a period [s] in the steady state, when they repeat; `drive`
+    is the table of one period."""
     terms = np.zeros(len(of.shares))
     creeping(of, drive, period, terms, math.inf)
     return terms / -np.expm1(-period / np.array(of.time_constants))

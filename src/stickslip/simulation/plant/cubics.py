@@ -1,6 +1,7 @@
-"""Cubics that are added to a drive: hysteresis and creep between known values and slopes.
+"""Cubic polynomials that are added to a drive: they approximate hysteresis or creep between points of known
+value and slope.
 
-The drive keeps its formulas; each of its segments is cut into pieces, and each piece gets a cubic.
+The drive keeps its formulas; each of its segments is divided into pieces, and each piece has one cubic.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from ...waveform.drive import Drive
 
 Array = NDArray[np.float64]
 
-# Largest number of segments of a table, a gigabyte; a drive with more reverses too often for its length.
+# Largest number of pieces of a table, about a gigabyte. A drive that needs more is refused.
 MOST_PIECES = 4_000_000
 
 
 class Cubics(NamedTuple):
-    """Cubic pieces: `start` [n], s; `source` [n], the segment of the drive; `cubic` [n, 4], coefficients of
-    the added polynomial from there on."""
+    """Cubic pieces: `start` [n], s; `source` [n], index of the drive's segment; `cubic` [n, 4], coefficients
+    of the added polynomial of the time since `start`, constant term first."""
 
     start: Array
     source: NDArray[np.int64]
@@ -40,8 +41,14 @@ def cubics_struct(pieces: Cubics) -> Any:
 
 
 def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cubics:
-    """Return the pieces that `fill(state, pieces)` makes; it replaces the state at the start by that at the
-    end. `fill` returns the number of pieces, or -1 if there is no room for them.
+    """Return the pieces that the function `fill` makes, in arrays that are enlarged until the pieces fit.
+
+    Args:
+        fill: function of the state and of empty `Cubics` to fill; it replaces the state by that at the end,
+            and returns the number of pieces, or -1 if they do not fit.
+        state: state at the start.
+        room: number of pieces in the first attempt.
+
 
     Raises:
         QuantityError: more pieces than fit into memory.
@@ -61,13 +68,14 @@ def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cub
 
 
 def with_cubics(drive: Drive, pieces: Cubics, before: float) -> Drive:
-    """Return the drive plus the cubics; its value is `before` until its start."""
+    """Return the drive plus the cubics as a segment table; before its start, its value is `before` [V]."""
     made = moved_on(drive, pieces.source, pieces.start)
     return Drive(before, pieces.start, made.polynomial + pieces.cubic, made.first, made.harmonic)
 
 
 def moved_on(drive: Drive, source: NDArray[np.int64], start: Array) -> Drive:
-    """Return the formulas of the segments `source` [n], written from `start` [n], s."""
+    """Return the segments `source` [n] of a drive with their formulas rewritten for later start times `start`
+    [n], s."""
     tau = start - drive.start[source]
     c0, c1, c2, c3 = drive.polynomial[source].T
     polynomial = np.column_stack(

@@ -1,8 +1,8 @@
 r"""A drive after Duhem hysteresis (`piezo.duhem`: Bouc-Wen, or a user's model), whose hysteretic part h is
 approximated by cubics.
 
-The voltage u and its harmonics are unchanged. Values and slopes of h [V] are known at any instant between
-reversals. A piece ends where the error of the cubic through its ends would exceed the precision.
+The voltage u and its harmonics are unchanged. Values and slopes of h [V] are known at any time between
+reversals. A piece ends before the error of the cubic through its ends exceeds the precision.
 """
 
 from __future__ import annotations
@@ -22,21 +22,23 @@ from .cubics import Cubics, cubics_struct, filled, with_cubics
 
 Array = NDArray[np.float64]
 
-# V, finest precision of a table: ten times the accuracy of h.
+# Finest precision of a table, V: ten times the accuracy with which h is computed.
 FINEST = 10.0 * EXACT
-# Largest number of periods until h repeats to rounding.
+# Largest number of periods that are computed until h repeats to rounding.
 SETTLES = 1_000
 
 
 def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bool = False) -> Drive:
-    """Return the drive [V] after the hysteresis, up to `end` [s]; before, it rested long at `drive.before`.
+    """Return the segment table of the drive [V] after Duhem hysteresis, up to `end` [s]. Before its start,
+    the piezo has rested for long at `drive.before`.
+
 
     Args:
         of: model of the hysteresis.
         drive: segment table.
         end: end of the result, s.
         precision: largest error, V.
-        settled: return the table of one period, until `end`, after many.
+        settled: return one period in the steady state, after many periods; `end` is then the period.
 
     Raises:
         QuantityError: more pieces than fit into memory, or h is not finite.
@@ -61,7 +63,8 @@ def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bo
 
 
 def _refuse_infinite(of: Any, drive: Drive, end: float) -> None:
-    """Raise QuantityError if h is not finite between the smallest and the largest value of the segments."""
+    """Raise QuantityError if the hysteretic part h is not finite between the smallest and the largest voltage
+    of the drive up to `end` [s]."""
     rows = np.diff(drive.first)
     swing = np.bincount(np.repeat(np.arange(rows.size), rows), np.abs(drive.harmonic[:, 0]), rows.size)
     lasts = np.maximum(np.append(drive.start[1:], max(end, drive.start[-1])) - drive.start, 0.0)

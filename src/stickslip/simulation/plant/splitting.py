@@ -25,13 +25,13 @@ Array = NDArray[np.float64]
 
 
 class Pieces(NamedTuple):
-    """Pieces of the output of a drive.
+    """Pieces of the operators' output under a drive: in each, it is level + slope (u(t) - u(start)).
 
     Attributes:
-        start: s, [n].
-        source: segment of the drive, [n].
-        slope: [n].
-        level: [n]; the output is level + slope (u(t) - u(start)).
+        start: start of each piece, s, [n].
+        source: index of the drive's segment, [n].
+        slope: output per drive, [n].
+        level: output at the start, V, [n].
     """
 
     start: Array
@@ -41,9 +41,10 @@ class Pieces(NamedTuple):
 
 
 def split(plays: Operators, drive: Drive, end: float, z: Array, pieces: Pieces) -> int:
-    """Fill the pieces of a drive up to `end` [s]; return their number, or -1 if there is no room for them.
+    """Fill `pieces` with the output of play operators under a drive up to `end` [s]; return their number, or
+    -1 if they do not fit.
 
-    z are the states of the plays at the start, and are replaced by those at the end.
+    z are the states of the plays at the start, V; they are replaced by those at the end.
     """
     sized("z", z, plays.threshold.size)
     start, slope, level = (doubles(row, "pieces", True) for row in (pieces.start, pieces.slope, pieces.level))
@@ -54,11 +55,20 @@ def split(plays: Operators, drive: Drive, end: float, z: Array, pieces: Pieces) 
 
 
 def through(plays: Operators, drive: Drive, end: float, z: Array, rest: float, cycle: int = 0) -> Drive:
-    """Return the drive after the operators, up to `end` [s]; before, their output is `rest` [V].
+    """Return the segment table of a drive after play operators, up to `end` [s].
 
-    z are the states of the plays at the start, and are replaced by those at the end. With a `cycle` (the
-    number of segments in a period that repeats from the start on), the result after the second period repeats
-    that, because plays forget all but the extremes; z is then the state after two periods.
+    Args:
+        plays: the operators.
+        drive: segment table of the voltage.
+        end: s.
+        z: states of the plays at the start, V; replaced by those at the end (with a `cycle`, after two
+            periods).
+        rest: output before the start, V.
+        cycle: number of segments in a period of a drive that repeats from its start; 0 for another drive.
+            Plays forget all but the extremes, so the result after the second period repeats that period.
+
+    Raises:
+        QuantityError: the output has too many segments.
     """
     room, before = 64 + 4 * drive.start.size * (1 + plays.weight.size // 4), z.copy()
     some = end
@@ -83,7 +93,7 @@ def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
     """Return the pieces of two periods, followed by repetitions of the second up to the end."""
     second = pieces.source >= cycle
     tau = (pieces.start - drive.start[pieces.source])[second]
-    more = drive.start.size // cycle  # at least; pieces beyond the end are cut
+    more = drive.start.size // cycle  # enough periods; pieces beyond the end are removed below
     source = (pieces.source[second] + cycle * np.arange(1, more + 1)[:, None]).ravel()
     there = source < drive.start.size
     source = source[there]
@@ -98,7 +108,7 @@ def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
 
 
 def _table(drive: Drive, pieces: Pieces, before: float) -> Drive:
-    """Return the segment table of pieces."""
+    """Return pieces of the operators' output as a segment table, which is `before` [V] before its start."""
     made = moved_on(drive, pieces.source, pieces.start)
     rows = np.diff(made.first)
     harmonic = made.harmonic.copy()

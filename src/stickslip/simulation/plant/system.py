@@ -92,8 +92,8 @@ def state_size(plant: Plant) -> int:
 
 
 def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
-    """Return all numbers of a plant in the order of `with_values`, [count, numbers]; a number that is an
-    array of `count` gives each row its own."""
+    """Return all numbers of a plant, [count, numbers], in the order of `with_values`. A number of the plant
+    that is an array [count] gives each row its own value."""
     found = list(numbers_in(plant))
     if count == 1 and all(isinstance(value, float) for value in found):
         return np.array([found])
