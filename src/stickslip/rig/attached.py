@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from ..quantities import registry
 from .protocols import About, RigError
 
-_PATIENCE = 3.0  # s, longest wait for an answer of a library
+_PATIENCE = 3.0  # s, longest wait for a driver library to list its devices
 _FILES = (
     ("/dev/ttyUSB*", "a serial port"),
     ("/dev/ttyACM*", "a serial port"),
@@ -22,7 +22,7 @@ _OWN = About("of a user's own", "", "", "", "by its author, or not")
 
 
 class Known(NamedTuple):
-    """A back end: its name, its kind (rig or positioner), and its description."""
+    """A registered back end: its name, its kind ("rig" or "positioner"), and its description."""
 
     name: str
     kind: str
@@ -30,7 +30,11 @@ class Known(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A device that was found: where, its description, and the name of its back end, if known."""
+    """A device that was found.
+
+    `where` is its port, address or resource, `says` a model or what the device calls itself, and `name` the
+    back end that can open it, or "" if that is unknown.
+    """
 
     where: str
     says: str
@@ -52,12 +56,14 @@ def attached_devices() -> list[Found]:
 
 
 def probe(host: str, port: int | None = None, timeout: float = 0.5) -> list[Found]:
-    """Ask an address which of the known controllers it is. Only a controller that identifies itself gets more
+    """Return the known controllers that answer at a network address; empty if none does.
+
+    Each back end asks for the identity of its own device. Only a controller that identifies itself gets more
     requests.
 
     Args:
         host: name or address.
-        port: TCP port; by default the makers' ports.
+        port: TCP port; the search then ends at the first controller found. By default the makers' ports.
         timeout: s, for each answer.
     """
     found = []
@@ -82,7 +88,11 @@ def _about(client: Any) -> About:
 
 
 def _identity(client: Any, host: str, port: int, timeout: float) -> str:
-    """Return what the device at an address calls itself. Raises RigError if it is not the client's."""
+    """Return what the device at an address calls itself.
+
+    Raises:
+        RigError: the device is not of the kind that the class `client` controls, or nobody answers.
+    """
     if hasattr(client, "identify"):
         return client.identify(host, port, timeout)
     opened = client(host, port=port, timeout=timeout)
@@ -91,13 +101,16 @@ def _identity(client: Any, host: str, port: int, timeout: float) -> str:
 
 
 def _asked(what: Callable[[], list[Any]]) -> list[Any]:
-    """Return a library's answer; empty if it is not installed, fails, or does not answer in time."""
+    """Return the list that `what` returns; empty if it fails or does not return within `_PATIENCE`.
+
+    The call is made in a thread of its own, because a driver library may hang.
+    """
     made: list[Any] = []
 
     def ask() -> None:
         try:
             made.extend(what())
-        except Exception:  # a library without its driver fails in many ways
+        except Exception:  # a missing library or driver raises errors of many types
             return
 
     thread = threading.Thread(target=ask, daemon=True)

@@ -41,7 +41,7 @@ from ..recording.chain import Chain
 
 T = TypeVar("T")
 
-MOST_BASES = 10  # longest chain of bases
+MOST_BASES = 10  # greatest depth of files that name each other as `base`
 _BENCHES = Path(__file__).parent / "benches"
 Sensor = StrainGauge | InductiveSensor | Interferometer | Encoder | PositionSensor | Chain
 _PLACES = ("stage", "end_effector")
@@ -54,7 +54,10 @@ _OF_SENSOR = ("type", "on", "adc")
 
 @dataclass(frozen=True)
 class Mounted:
-    """A sensor, its place ("stage" or "end_effector"), and its converter (None for a digital sensor)."""
+    """A sensor, the part on which it is mounted ("stage" or "end_effector"), and its A/D converter.
+
+    `adc` is None for a sensor that outputs numbers (m, rad) instead of a voltage.
+    """
 
     sensor: Sensor
     on: str
@@ -65,8 +68,8 @@ class Mounted:
 class Bench:
     """All instruments between a program and an actuator, for one drive channel.
 
-    `sample_rate` applies to all inputs, Hz. `assumptions` gives, by field, the values that the source does
-    not state.
+    `sample_rate` applies to all inputs, Hz; `piezo_capacitance` is in F. `sensors` are the inputs by name.
+    `assumptions` gives, by field ("dac.bits"), value and reason of each number that no source states.
     """
 
     name: str
@@ -90,15 +93,20 @@ class Bench:
         return replace(self, **changes)
 
     def output(self, points: float = math.inf) -> OutputStage:
-        """Return the output stage: converter, amplifier and piezo, with `points` updates at most."""
+        """Return the output stage (D/A converter, amplifier, piezo) for the design of drives.
+
+        Args:
+            points: greatest number of updates in a period of the drive.
+        """
         of = OutputStage.of_amplifier(self.amplifier, self.piezo_capacitance)
         step = self.dac.step * self.amplifier.gain
         return of._replace(update_rate=self.dac.update_rate, points=points, step=step)
 
     def with_chain(self, chain: Chain, name: str = "position") -> Bench:
-        """Return the bench with an additional input that measures the end-effector through a chain.
+        """Return the bench with an additional input `name`, which measures the end-effector through a chain.
 
-        The input is in m and free of noise. The amplifier gets the chain's slew rate, if it is known.
+        The input is in m and free of noise. If the chain's slew rate is finite, the amplifier gets it in
+        place of its own slew rate and peak current.
         """
         amplifier = self.amplifier
         if chain.known_slew_rate is not None:
@@ -124,7 +132,15 @@ def load_bench(name: str | os.PathLike[str]) -> Bench:
 
 
 def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Return the content of a file merged into that of its base."""
+    """Return the content of a bench file merged into the content of its base, whose tables it replaces.
+
+    Args:
+        file: path of the bench file.
+        above: files that have named this one as their base, to detect a cycle.
+
+    Raises:
+        ParameterSetError: a file cannot be read, or the bases form a cycle or too long a chain.
+    """
     if file in above or len(above) > MOST_BASES:
         said = f"the bench is its own base, or the last of more than {MOST_BASES}"
         raise ParameterSetError(f"{file}: base: {said}")
@@ -142,7 +158,11 @@ def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
 
 
 def _beside(file: Path, name: str) -> str | Path:
-    """Return the path of a file in the same folder, or the name of a part. Raises ParameterSetError."""
+    """Return the path of `name` in the folder of a bench file if it ends in ".toml", else the name itself.
+
+    Raises:
+        ParameterSetError: the path leads out of the folder of the bench file.
+    """
     if not name.endswith(".toml"):
         return name
     try:
@@ -152,7 +172,7 @@ def _beside(file: Path, name: str) -> str | Path:
 
 
 class _Reading:
-    """Reader of a bench file, which collects the assumptions."""
+    """Reader of one bench file's content (bases merged), which collects the assumed values."""
 
     def __init__(self, file: Path, content: dict[str, Any]) -> None:
         self.file, self.content, self.assumptions = file, content, dict[str, str]()
@@ -193,7 +213,7 @@ class _Reading:
         return bench
 
     def _amplifier(self) -> Amplifier:
-        """Return the amplifier from its own table, or a part by name."""
+        """Return the amplifier of the table ``[amplifier]``, or the part that the file names instead."""
         if not isinstance(self.content.get("amplifier"), str):
             return self._part(Amplifier, "amplifier", self._table("amplifier"))
         name = _beside(self.file, self.content.pop("amplifier"))
@@ -202,7 +222,7 @@ class _Reading:
         return amplifier
 
     def _capacitance(self) -> float:
-        """Return the piezo's capacitance, F: from its own table, or the load of a named stack."""
+        """Return the capacitance of the piezo, F: of its own table, or of the stack that the file names."""
         named = self.content.pop("stack", None)
         if named is None:
             key = "piezo_capacitance"

@@ -17,7 +17,10 @@ class CaptureError(RigError):
 
 
 class Trigger(NamedTuple):
-    """Crossing of `level` by the channel `signal` (in its SI unit) on a rising or falling edge."""
+    """Trigger of a recording: the channel `signal` crosses `level`, upwards ("rising") or downwards.
+
+    `level` is in the unit of the channel after its calibration, SI.
+    """
 
     signal: str
     level: float
@@ -26,10 +29,10 @@ class Trigger(NamedTuple):
 
 @record
 class Capture(NamedTuple):
-    """One recording: its length, sampling interval and start.
+    """Length, sampling interval and start of one recording.
 
-    Time 0 is `pre_trigger` before the trigger. Without a trigger it is `pre_trigger` before the start of the
-    drive. `average` runs are averaged into one recording.
+    The recording starts, at time 0, `pre_trigger` before the trigger; without a trigger it starts
+    `pre_trigger` before the drive. `average` runs are averaged into one recording.
     """
 
     length: Annotated[float, Quantity("s", "T", "length", above=0)]
@@ -51,20 +54,24 @@ class Capture(NamedTuple):
 
     @property
     def samples(self) -> int:
-        """Return the number of samples."""
+        """Return the number of samples of the recording."""
         return int(self.length / self.interval + 1e-6)
 
     @property
     def before(self) -> int:
-        """Return the number of samples before the trigger."""
+        """Return the number of samples of the recording before the trigger."""
         return round(self.pre_trigger / self.interval)
 
 
 def stride(capture: Capture, sample_rate: float) -> int:
-    """Return the number of samples of the rig per sample of the recording.
+    """Return how many samples of the rig correspond to one sample of the recording.
+
+    Args:
+        capture: settings of the recording.
+        sample_rate: samples per second of the rig, Hz.
 
     Raises:
-        QuantityError: the interval is not a whole multiple of the rig's.
+        QuantityError: the recording's interval is not a whole multiple of the rig's sampling interval.
     """
     ratio = capture.interval * sample_rate
     whole = round(ratio)
@@ -77,8 +84,13 @@ def stride(capture: Capture, sample_rate: float) -> int:
 
 
 def find_trigger(values: Array, trigger: Trigger, start: int) -> int | None:
-    """Return the first sample, from `start` on, at which the values have crossed the level; None without a
-    crossing."""
+    """Return the index of the first sample after a crossing of the trigger's level; None without a crossing.
+
+    Args:
+        values: samples of the trigger's channel [n].
+        trigger: level and edge.
+        start: least index that counts, at least 1.
+    """
     above = values >= trigger.level if trigger.edge == "rising" else values <= trigger.level
     crossings = np.flatnonzero(above[1:] & ~above[:-1]) + 1
     later = crossings[crossings >= max(start, 1)]
@@ -86,6 +98,9 @@ def find_trigger(values: Array, trigger: Trigger, start: int) -> int | None:
 
 
 def picks(capture: Capture, sample_rate: float, trigger: int) -> NDArray[np.int64]:
-    """Return the indices of the rig's samples that form the recording, for a trigger at that sample."""
+    """Return the indices [samples] of the rig's samples that form the recording.
+
+    `sample_rate` is that of the rig, Hz, and `trigger` the index of the rig's sample at the trigger.
+    """
     step = stride(capture, sample_rate)
     return trigger + (np.arange(capture.samples) - capture.before) * step

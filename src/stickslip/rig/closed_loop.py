@@ -1,8 +1,8 @@
-"""A closed loop on a rig: read, step the controller, put out, update by update.
+"""Closed-loop runs on a rig: at each update, read the inputs, call the controller, set the output.
 
-The loop runs in a thread of its own, so that a controller that never answers can be abandoned: the waiting
-thread ramps the output to 0 V. The samples recorded so far are kept. For a `HostedRig` the loop runs in the
-process that owns the rig, and the thread here only fetches its samples.
+The loop runs in a thread of its own. If the controller never returns, the calling thread abandons that
+thread and ramps the output to 0 V; the samples recorded so far are kept. For a `HostedRig` the loop runs in
+the process that owns the rig, and the thread here only fetches its samples.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _TARGET, _ASKED = "target_position", "asked_voltage"
-_GRACE = 0.2  # s after the ramp in which a late controller may return its samples
-_LOOK = 0.02  # s between two checks of the loop
+_GRACE = 0.2  # s that the calling thread waits, after the ramp, for the loop's thread to end
+_LOOK = 0.02  # s between two checks of the loop's thread for its end and for silence
 
 
 def regulate(
@@ -62,11 +62,12 @@ def regulate(
     plausibility: Plausibility | None = None,
     second: str = "",
 ) -> xr.Dataset:
-    """Close a loop for a while, and record it. The output always ramps to 0 V, however the run ends.
+    """Run a closed loop and record it. The output always ramps to 0 V, however the run ends.
 
-    The controller's request is limited to the voltages and the slew of the limits; `limited_updates` counts
-    these cases. A voltage that is not finite, an exception, and no answer within `limits.watchdog` end the
-    run. A controller with an attribute `done` ends the run when it becomes true.
+    The voltage that the controller requests is clipped to the voltage range and slew rate of the limits;
+    `limited_updates` counts the clipped updates. A request that is not finite, an exception, or no answer
+    within `limits.watchdog` ends the run. A controller with an attribute `done` ends the run when it becomes
+    true.
 
     Args:
         rig: a rig whose output is set update by update, such as `VirtualRig`; or a `HostedRig` of one.
@@ -77,17 +78,18 @@ def regulate(
         limits: limits of the output; end stops and frozen readings end the run.
         duration: longest duration, s.
         interval: s between recorded samples, a multiple of the rig's; by default all samples are recorded.
-        title, attributes, progress, home, save: as for `measure`. A run that ended early, or was killed, is
-            in unfinished/ beside `save`.
+        title, attributes, progress, home, save: as for `measure`. A run that ended early is saved in
+            unfinished/ beside `save`.
         sees: called with the next values of each channel [n]; an error that it raises ends the run.
         plausibility: thresholds for the position, see `control.plausibility`; by default the controller's
             own, as for a `Mover`.
         second: channel of another sensor of the same position, which is compared with the first.
 
     Returns:
-        The recording, with `target_position` and `asked_voltage` [V]. Its attributes `limited_updates`,
-        `slowest_step` [s], `mean_step` [s] and `late_updates` (steps longer than an update) are statistics of
-        the run.
+        The recording, with `target_position` [m or rad] and `asked_voltage` [V], the controller's request
+        before it is clipped. Its attributes `limited_updates`, `slowest_step` and `mean_step` (computing
+        time of the controller's `step`, s) and `late_updates` (number of steps that took longer than an
+        update) are statistics of the run.
 
     Raises:
         QuantityError: a channel, the target or a time does not fit the rig. Nothing was put out.
@@ -181,7 +183,11 @@ def _looped(
     plausibility: Plausibility | None,
     second: PositionInput | None,
 ) -> LoopRig | HostedRig:
-    """Return the rig with its loop, in this program or in the rig's process."""
+    """Return a rig whose runs are the closed loop.
+
+    A `HostedRig` is returned itself, set up so that its process closes the loop. Any other rig is wrapped in
+    a `LoopRig`. For the arguments see `LoopRig`; `samples` is the file of samples, or None.
+    """
     if not isinstance(rig, HostedRig):
         made: Controller = controller.made() if isinstance(controller, ControllerSpec) else controller
         return LoopRig(rig, made, position, home, limits, plausibility, second)
@@ -195,7 +201,17 @@ def _looped(
 
 
 def targets(target: Waveform | float | str, count: int, rate: float, unit: str) -> list[float]:
-    """Return the target position at each of `count` updates at a rate [Hz], m (rad). Raises QuantityError."""
+    """Return the target positions of a run [count].
+
+    Args:
+        target: a constant, or a waveform in `unit`.
+        count: number of updates.
+        rate: updates per second, Hz.
+        unit: unit of positions, "m" or "rad".
+
+    Raises:
+        QuantityError: the target has another unit, or is not finite at every update.
+    """
     if isinstance(target, float | int | str):
         found = [to_si(target, unit, "target")] * count
     elif getattr(target, "unit", None) != unit:
@@ -208,7 +224,14 @@ def targets(target: Waveform | float | str, count: int, rate: float, unit: str) 
 
 
 class _Loop:
-    """One run. The caller waits in `run`; the thread executes `_go`."""
+    """One closed-loop run: the caller waits in `run`, while another thread executes `_go`.
+
+    Args:
+        rig: the loop as a rig, or a hosted rig whose process closes the loop.
+        making: settings of the recording.
+        samples: file that gets the samples during the run, or None.
+        sees: called with the next values of each channel [n], or None.
+    """
 
     def __init__(
         self,
@@ -220,12 +243,18 @@ class _Loop:
         self._rig, self._making, self._samples, self._sees = rig, making, samples, sees
         self._blocks = [np.zeros((len(making.inputs), 0))]
         self._count = self._most = 0
-        self._left = False  # True when nobody waits any more
+        self._left = False  # True once `run` waits no longer, so that `_go` ends
         self._ended = threading.Event()
         self._failure: BaseException | None = None
 
     def run(self, wanted: list[float], count: int, progress: Progress) -> BaseException | None:
-        """Run to the end, with the ramp; return the error that ended it early, or None."""
+        """Run the loop and the ramp to 0 V; return the error that ended the run early, or None.
+
+        Args:
+            wanted: target position at each update, m (rad).
+            count: greatest number of updates.
+            progress: called repeatedly with "closed loop" and the finished fraction.
+        """
         failure: BaseException | None = None
         self._most = count
         thread = threading.Thread(target=self._go, args=(wanted,), name="closed loop", daemon=True)
@@ -251,7 +280,10 @@ class _Loop:
         return self._rig.count if isinstance(self._rig, LoopRig) else self._count
 
     def _listen(self) -> None:
-        """Raise LimitError after too long a silence. A hosted rig is watched in its own process."""
+        """Raise LimitError if neither controller nor rig has answered for `limits.watchdog` seconds.
+
+        A hosted rig is not checked here: its own process does that.
+        """
         rig = self._rig
         if not isinstance(rig, LoopRig) or not rig.begun:
             return
@@ -289,6 +321,6 @@ class _Loop:
         return np.concatenate(self._blocks, axis=1)
 
     def statistics(self) -> dict[str, Any]:
-        """Return the statistics; see `regulate`."""
+        """Return the statistics of the run that `regulate` stores as attributes of the recording, by name."""
         said = self._rig.said()
         return {name: said[name] for name in STATISTICS if name in said}

@@ -1,4 +1,4 @@
-"""Descriptions of rigs as JSON, from which the rig's process opens a device."""
+"""Descriptions of rigs as JSON data, from which the process that owns a rig opens the device."""
 
 from __future__ import annotations
 
@@ -16,7 +16,15 @@ from .virtual import VirtualRig
 def virtual_device(
     actuator: Actuator, bench: str, seed: int, real_time: bool, repeats: Repeats = EXACT
 ) -> dict[str, Any]:
-    """Describe a virtual rig; `bench` is a name or the path of a file."""
+    """Return the description of a virtual rig as JSON data.
+
+    Args:
+        actuator: the simulated actuator.
+        bench: name of a bench, or path of its file.
+        seed: seed of the noise.
+        real_time: True to deliver the samples no sooner than a real rig would.
+        repeats: variation of the contact from run to run.
+    """
     fields = actuator._asdict()
     return {
         "kind": "virtual",
@@ -30,16 +38,26 @@ def virtual_device(
 
 
 def own_device(rig_type: type, options: dict[str, Any]) -> dict[str, Any]:
-    """Describe a rig whose back end has a registered name, with its options."""
+    """Return the description of a real rig as JSON data.
+
+    Args:
+        rig_type: registered class of the rig, of the package or a user's own.
+        options: arguments of its constructor, by name; JSON data.
+    """
     return {"kind": "own", **registry.rigs.written(rig_type), "options": options}
 
 
 def open_device(device: dict[str, Any], origin: float) -> Rig:
-    """Open the rig of a description; `origin` is the previous displacement of a virtual end-effector, m.
+    """Open the rig that a description names, and return it.
+
+    Args:
+        device: description, as `virtual_device` or `own_device` returns it.
+        origin: displacement of the end-effector at the end of the previous run, m; used by a virtual rig
+            only.
 
     Raises:
-        RigError: nobody answers there, or the description has no known kind.
-        ValueError: a value in it is wrong.
+        RigError: the device does not answer, or the description has no known kind.
+        ValueError: a value of the description is wrong.
     """
     kind = device.get("kind")
     if kind == "own":
@@ -58,7 +76,13 @@ def open_device(device: dict[str, Any], origin: float) -> Rig:
 
 
 def told_of(device: dict[str, Any], runs: int, after: int) -> dict[str, str]:
-    """Return attributes for a recording of `runs` runs of a device; see `Repeats.told`."""
+    """Return attributes for a recording: the true contact in its runs. Empty for a real rig.
+
+    Args:
+        device: description of the rig.
+        runs: number of runs of the recording.
+        after: number of runs that the rig has made before.
+    """
     if device.get("kind") != "virtual":
         return {}
     return Repeats.of_document(device.get("repeats", {})).told(_actuator(device), runs, after)

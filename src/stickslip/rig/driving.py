@@ -1,4 +1,4 @@
-"""Flag that says that this program drives a rig, so that other parts of it do not interrupt the run."""
+"""Flag set while this program drives a rig: Ctrl-C then ends the run with a ramp to 0 V, not at once."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _HOLDERS: list[object] = []  # one object for each active context of `driving`
 
 @contextmanager
 def driving() -> Iterator[None]:
-    """Set the flag within the context, in which a rig may be driven and recorded from."""
+    """Set the flag within the context, in which the program drives a rig and records."""
     holder = object()
     _HOLDERS.append(holder)  # a list, because contexts can be nested or in several threads
     try:

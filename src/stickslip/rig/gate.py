@@ -1,4 +1,4 @@
-"""Checks that every output must pass, and checks of the readings during a run."""
+"""Safety checks of a run: of the drive before it is output, and of the readings during the run."""
 
 from __future__ import annotations
 
@@ -14,32 +14,35 @@ from .home import Home
 from .limits import LimitError, Limits, beyond, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 
-FROZEN_DRIVE = 10.0  # V by which the drive must move for unchanged readings to be a fault
+FROZEN_DRIVE = 10.0  # V; constant position readings are a fault if the drive has moved by this meanwhile
 SWITCH_OFF = "switch the amplifier off"  # what people must do if the output cannot be brought to 0 V
-_ANSWER = 0.01  # s, longest time in which a sensor responds to the drive
+_ANSWER = 0.01  # s, longest delay from drive to sensor; the latest drive is not held against the sensor
 
 
 class PositionInput(NamedTuple):
-    """Input that shows the position of the end-effector, and its calibrations to m or rad."""
+    """Name of the input that measures the end-effector's position, and its calibrations to m or rad."""
 
     name: str
     calibration: tuple[Calibration, ...]
 
     def unit(self, can: Capabilities) -> str:
-        """Return the unit of the position: m, or rad for a rotary stage."""
+        """Return the unit of the position after calibration: "m", or "rad" for a rotary stage."""
         return self.calibration[-1].y_unit if self.calibration else can.inputs[self.name]
 
 
 class Gate:
-    """Only access to a rig's output: it puts out nothing that the limits forbid.
+    """Access to a rig for one run, through which no drive passes that violates the limits.
 
     The requested voltages are checked. The converter may then deviate from them by one of its steps.
 
     Args:
-        rig: puts out and records.
+        rig: rig that outputs the drive and records.
         limits: limits of the output and the position.
         capabilities: capabilities of the rig.
-        home: origin of positions; by default the first reading.
+        home: origin of positions; by default the mean reading before the drive.
+
+    Attributes:
+        began: position before the drive, m (rad) from home; None until it was read.
     """
 
     def __init__(
@@ -57,7 +60,7 @@ class Gate:
         self.began: float | None = None
 
     def load(self, volts: Array) -> None:
-        """Check the drive and load it into the output. Raises LimitError."""
+        """Check the drive [n], V, and load it into the output. Raises LimitError if a limit forbids it."""
         check_drive(volts, self._limits, self._can)
         self._volts = volts
         self._rig.load(volts)
@@ -65,13 +68,20 @@ class Gate:
     def arm(
         self, inputs: tuple[str, ...], samples: int, position: PositionInput | None = None, rest: int = 0
     ) -> None:
-        """Record these inputs. The first `rest` samples come before the drive."""
+        """Prepare the recording of some inputs.
+
+        Args:
+            inputs: names of the inputs.
+            samples: number of samples of the run.
+            position: input that is checked against end stops and for constant readings; None for no check.
+            rest: number of samples before the drive.
+        """
         self._inputs, self._position, self._rest = inputs, position, rest
         self._done = self._same = 0
         self._last, self.began = math.nan, None
         self._until = 0.0 if self._can.streams else samples / self._can.sample_rate
         self._rig.arm(inputs, samples)
-        self._origin = getattr(self._rig, "origin", 0.0)  # some devices know it only now
+        self._origin = getattr(self._rig, "origin", 0.0)  # some devices know their origin only after `arm`
 
     def start(self) -> None:
         """Start the loaded output and the watchdog."""
@@ -101,7 +111,7 @@ class Gate:
         self._done += block.shape[1]
 
     def stop(self) -> None:
-        """Ramp the output to 0 V at the safe slew, from its present voltage."""
+        """Ramp the output from its present voltage to 0 V at `limits.stop_slew`."""
         self._rig.stop(self._limits.stop_slew)
 
     def _hear(self, samples: int) -> None:
@@ -157,11 +167,11 @@ class Gate:
 
 
 def stop_failed(error: BaseException, failure: BaseException | None) -> BaseException:
-    """Return the error that ends a run whose stop failed. It says that people must switch the amplifier off.
+    """Return the error of a run whose stop failed, with the request to switch the amplifier off.
 
     Args:
         error: the error of the stop.
-        failure: the error that ended the run before, or None.
+        failure: the earlier error that ended the run, which is then returned with a note; or None.
     """
     told = f"The stop failed: {SWITCH_OFF}"
     if SWITCH_OFF not in str(error):

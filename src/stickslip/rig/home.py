@@ -1,8 +1,8 @@
 """Home: the origin of end-effector positions, kept over runs, repeats and restarts.
 
-The readings of some rigs continue from run to run. Others start again at zero with each run; then `origin` is
-the end-effector's previous displacement. Home is a reading together with the origin at that time. The
-position is
+The position readings of some rigs continue from run to run (`origin` is 0). Those of others start at zero in
+each run; `origin` is then the displacement by all earlier runs. Home is a reading together with the origin at
+that time. The position is
 
     x = origin - origin_home + calibrated(reading) - calibrated(reading_home).
 """
@@ -23,10 +23,12 @@ from .protocols import Array, RigError
 
 
 class Home:
-    """Reading at home of each position input, and the last position of the end-effector.
+    """Home of a rig, and the last position of the end-effector.
 
-    `position` is in m from home, None before the first run. `origin` belongs to a rig whose runs start at
-    zero. It is kept here for the next process that owns the rig.
+    `readings` gives, for each position input, its reading at home (in the unit of the input) and the origin
+    [m] at that time. `position` is the last position, m (rad) from home; None before the first run. `origin`
+    [m] is the displacement by all runs so far of a rig whose readings start at zero in each run; it is kept
+    here for the next process that owns the rig.
     """
 
     def __init__(self) -> None:
@@ -35,13 +37,26 @@ class Home:
         self.origin = 0.0
 
     def set(self, source: str, reading: float, origin: float) -> None:
-        """Set home, the origin of positions, to the place with this reading (in the input's unit) and
-        position `origin` [m]."""
+        """Make the place with this reading home.
+
+        Args:
+            source: name of the position input.
+            reading: its reading at home, in the unit of the input.
+            origin: origin of the rig's readings at that time, m.
+        """
         self.readings = {source: (reading, origin)}
         self.position = 0.0
 
     def positions(self, source: str, raw: Array, chain: Sequence[Calibration], origin: float) -> Array:
-        """Return readings [n] of an input as positions from home, m. The first reading ever is home itself.
+        """Return the positions from home [n], m (rad), of readings of an input.
+
+        If the input has no home yet, its first reading becomes home.
+
+        Args:
+            source: name of the input.
+            raw: readings [n], in the unit of the input.
+            chain: calibrations of the input to m (rad).
+            origin: present origin of the rig's readings, m.
 
         Raises:
             LimitError: a calibration gives no finite number, so that end stops could not be checked.
@@ -61,14 +76,14 @@ class Home:
         return found
 
     def save(self, path: Path) -> None:
-        """Save home to a file, in one step."""
+        """Save home to a file, which is replaced as a whole, so that a crash leaves no damaged file."""
         content = {"readings": self.readings, "position": self.position, "origin": self.origin}
         with replaced_whole(path) as temporary:
             temporary.write_text(json.dumps(content), encoding="utf-8")
 
     @classmethod
     def load(cls, path: Path) -> Home:
-        """Load home from a file; a new home if there is no file.
+        """Return the home that a file contains; a new home if there is no file.
 
         Raises:
             RigError: the file is damaged. End stops would otherwise have a wrong origin.
@@ -97,7 +112,7 @@ def _finite(value: object) -> float:
 
 
 def calibrated(raw: Array, chain: Sequence[Calibration]) -> Array:
-    """Return readings after their calibrations, in order."""
+    """Return readings [n] after the calibrations of the chain, applied in order."""
     for calibration in chain:
         raw = calibration(raw)
     return raw

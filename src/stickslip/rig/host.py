@@ -1,11 +1,11 @@
-"""Process of a rig: owns the rig, its limits, home, watchdog and the ramp to 0 V. Programs are its clients.
+"""Process that owns a rig, its limits, home, watchdog and the ramp to 0 V. Programs are its clients.
 
     python -m stickslip.rig.host FOLDER
 
-The folder keeps home.json (origin of positions), rig.json (port, token and number of the process, readable by
-this user only), log.jsonl (see `logbook`) and rig.log (error output). Only one process at a time has the lock
-of a folder. It ends after a few seconds without a client; SIGTERM ends it with a ramp to 0 V. `wire`
-describes the requests.
+The folder keeps home.json (origin of positions), interlock.json (fault and permits), rig.json (port, token
+and number of the process, readable by this user only), log.jsonl (see `logbook`) and rig.log (error output).
+Only one process at a time has the lock of a folder. The process ends after a few seconds without a client;
+SIGTERM ends it with a ramp to 0 V. `wire` describes the requests.
 """
 
 from __future__ import annotations
@@ -42,17 +42,21 @@ from .site import site_of
 from .supervisor import ANOTHER, Supervisor, state_of
 from .wire import WireError, receive, send, text_of
 
-NICE = -10  # priority above all that only computes or shows
+NICE = -10  # nice value of the process, so that computations and pages do not delay it
 LINGER = 5.0  # s without a client after which the process ends
 _GREETING = 2.0  # s in which a client must identify itself
 _MOST_STRANGERS = 32  # connections that have not identified themselves; the oldest one makes room
-_LONGEST_WAIT = 1.0  # s
+_LONGEST_WAIT = 1.0  # s that one request may wait for samples or for the end of a run
 _LONGEST_RAMP = LONGEST_STOP + 5.0  # s, longest wait for the end of a ramp
-_LEAVING = 0.3  # s to wait for the present holder, who may be leaving
+_LEAVING = 0.3  # s that a client waits for the rig if another client holds it, who may be closing it
 
 
 class Host:
-    """Server for the clients of one rig."""
+    """Server for the clients of one rig. One client at a time holds the rig; any client may stop it.
+
+    Args:
+        folder: folder of the rig, see the module.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder, self.token = folder, secrets.token_hex(32)
@@ -77,7 +81,7 @@ class Host:
         self.ended = threading.Event()
 
     def serve(self) -> None:
-        """Serve until no client has been there for a while, or `ended` is set. The output is then at 0 V."""
+        """Serve until no client has been there for `LINGER` seconds, or `ended` is set; then ramp to 0 V."""
         listening = socket.create_server(("127.0.0.1", 0))
         listening.settimeout(0.2)
         self._tell(listening.getsockname()[1])
@@ -107,7 +111,7 @@ class Host:
 
     def _welcome(self, link: socket.socket) -> None:
         with self._lock:
-            if len(self._strangers) >= _MOST_STRANGERS:  # a stop must always get in
+            if len(self._strangers) >= _MOST_STRANGERS:  # a new client, who may want a stop, needs a place
                 with suppress(OSError):
                     self._strangers.pop(0).shutdown(socket.SHUT_RDWR)
             self._strangers.append(link)
@@ -131,7 +135,7 @@ class Host:
                     answer, block = self._answer(link, name, asked, values)
                     try:
                         send(link, answer, block)
-                    except (TypeError, ValueError) as error:  # answer of a user's own rig
+                    except (TypeError, ValueError) as error:  # a user's own rig gave data that are no JSON
                         said = f"{asked.get('do')}: the rig gave what cannot be told: {error}"
                         send(link, {"error": said, "kind": "RigError"})
         except WireError:
@@ -161,9 +165,12 @@ class Host:
             link.close()
 
     def _release(self, gone: bool = False) -> None:
-        """Release the rig once its run has ended.
+        """Let other clients hold the rig, once its run has ended at 0 V.
 
         The ramp to 0 V is awaited here. A virtual rig may compute for long: a thread then waits for it.
+
+        Args:
+            gone: True if the client has disconnected: its file of samples is then completed.
         """
         self.supervisor.join(_LONGEST_WAIT)
         if self.supervisor.phase == "stopping":
@@ -256,11 +263,18 @@ class Host:
         self._log.write(f"{act}: {what}", who=who, why=why, level=level)
 
     def _said(self, what: str, who: str, why: str) -> None:
-        """Log from a thread, so that a stop does not wait for the disk."""
+        """Log `what`, `who` and `why` from another thread, so that a stop does not wait for the disk."""
         threading.Thread(target=self._log.write, args=(what,), kwargs={"who": who, "why": why}).start()
 
     def _interlock(self, link: socket.socket, do: str, asked: dict[str, Any], who: str) -> None:
-        """Change the interlock. Whatever disarms it also stops the run."""
+        """Execute a request to the interlock. Disarming and the withdrawal of a permit also stop the run.
+
+        Args:
+            link: connection of the client; the output is disarmed when the connection that armed it ends.
+            do: "arm", "disarm", "acknowledge" or "permit".
+            asked: the request, with `why`, and for a permit `name` and `given`.
+            who: name of the person or program, for the log.
+        """
         why = str(asked.get("why", ""))
         if do == "arm":
             self.interlock.arm(who, why)
@@ -305,10 +319,18 @@ class Host:
             return self._holder is not None and self._holder[0] is not link
 
     def _opened(self, device: dict[str, Any], again: bool) -> dict[str, Any]:
-        """Open the rig; return its capabilities and description. Raises TypeError if they cannot be JSON."""
+        """Open the rig; return its capabilities and its attributes for recordings, as JSON data.
+
+        Args:
+            device: description of the rig, see `description`.
+            again: True if this client has opened the rig before: a virtual rig then stays as it is.
+
+        Raises:
+            TypeError: a user's own rig gave data that cannot be written as JSON.
+        """
         capabilities = self._open(device, again)
         told = getattr(self.supervisor.rig, "told", None)
-        virtual = device.get("kind") == "virtual"  # the client knows more about it
+        virtual = device.get("kind") == "virtual"  # the client computes these attributes itself
         said = {"capabilities": capabilities._asdict(), "told": {} if told is None or virtual else told(1)}
         text_of(said)
         return said
@@ -349,10 +371,10 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
 
 
 def main(folder: Path) -> int:
-    """Own the rig of a folder until it is no longer needed; return the exit code.
+    """Own the rig of a folder until no client needs it; return the exit code of the process.
 
-    The code is `ANOTHER` if another process owns the rig, and 1, with a line on stderr, if a file of the
-    folder cannot be used.
+    The code is 0 after that, `ANOTHER` if another process owns the rig, and 1, with a line on stderr, if a
+    file of the folder cannot be used.
     """
     come_first(NICE)
     give_memory_back()

@@ -1,4 +1,4 @@
-"""Client side of a rig in its own process."""
+"""Client of a rig that is owned by another process (`host`)."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from .protocols import Array, Capabilities, ControllerSpec, RigError, RigWarning
 from .supervisor import ANOTHER
 from .wire import receive, send
 
-STARTS = 30.0  # s in which the process must start
+STARTS = 30.0  # s in which a new process of a rig must answer
 UNANSWERED = "the rig does not answer: switch the amplifier off"
 KEPT = "the output may keep its voltage: switch the amplifier off"  # for a process that ended during a run
-LATE = 1.0  # s without an answer to a stop before people are warned
+LATE = 1.0  # s without an answer to a stop, after which people are asked to switch the amplifier off
 _LAST = LONGEST_STOP + 10.0  # s, longest wait for the answer to a stop
 _ANSWER = 10.0  # s, longest wait for the answer to a request that is not urgent
 _SILENT = 3.0  # s, shortest time allowed for the answer to a request for samples
 _OPENED = 60.0  # s in which the process opens a device
 _BUSY = ("preparing", "running", "stopping")  # phases of an active run
-_WAIT = 0.1  # s, longest wait of a request for samples
+_WAIT = 0.1  # s that the process may wait for samples before it answers a request for them
 _KINDS: dict[str, type[Exception]] = {
     one.__name__: one for one in (LimitError, RigError, StopRequested, InterlockError, QuantityError)
 }
 
 
 def folder_of(resource: str) -> Path:
-    """Return the folder of the process that owns a real rig: the same for each rig and user. The environment
-    variable STICKSLIP_RIGS names another parent folder."""
+    """Return the folder of the process that owns a real rig; `resource` is a text that identifies the rig,
+    such as its address. The environment variable STICKSLIP_RIGS replaces the parent folder."""
     given = os.environ.get("STICKSLIP_RIGS")
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     base = Path(given) if given else Path(state) / "stickslip" / "rigs"
@@ -59,7 +59,7 @@ class Link:
     """Connection to the process that owns the rig of a folder. The process is started if it does not run.
 
     Args:
-        folder: see `host`.
+        folder: folder of the rig's process, see `host` and `folder_of`.
         name: name of this client, shown to others who find the rig in use.
 
     Raises:
@@ -81,11 +81,11 @@ class Link:
         late: float = LATE,
         **what: Any,
     ) -> tuple[dict[str, Any], Array]:
-        """Send a request and return its answer, with the numbers in it.
+        """Send a request; return its answer and the array in it, which may be empty.
 
         Args:
-            do, values, what: the request; see `host`.
-            within: s in which the answer must come. Later answers match no request: the connection is closed.
+            do, values, what: name, array and other content of the request; see `wire`.
+            within: s in which the answer must come; else the connection is closed. None: no limit.
             late: s without an answer before a `RigWarning` asks people to switch the amplifier off.
 
         Raises:
@@ -122,7 +122,7 @@ class Link:
             raise RigError(f"the rig's process has ended ({error})") from None
 
     def _await(self, within: float, late: float) -> None:
-        """Wait for the start of an answer. Raises RigError if none comes."""
+        """Wait for an answer, see `ask`. Close the connection and raise RigError if none comes `within` s."""
         if select.select([self._link], [], [], min(within, late))[0]:
             return
         if within > late:
@@ -141,7 +141,7 @@ _LINKS: WeakSet[Link] = WeakSet()
 
 
 def stop_all(most: float = 3.0) -> None:
-    """Ramp every rig of this program to 0 V, and wait `most` seconds at most."""
+    """Ramp every rig of this program to 0 V; repeat the request for `most` seconds until no run is active."""
     end = time.monotonic() + most
     for folder in {link.folder for link in list(_LINKS)}:
         other = greeted(folder, "a stop")
@@ -162,9 +162,9 @@ class HostedRig:
 
     Args:
         link: connection to the process.
-        device: device to open; see `devices`.
-        capabilities: capabilities of the rig, if known: then it is opened at its first use.
-        said: description of the device for recordings, if known.
+        device: description of the device to open; see `description`.
+        capabilities: capabilities of the rig, if known: the rig is then opened only when it is first used.
+        said: attributes for recordings that describe the device, if known.
 
     Raises:
         RigError: another program holds the rig, or it does not answer.
@@ -182,7 +182,7 @@ class HostedRig:
         self.capabilities = capabilities or self._open()
         self._volts = np.zeros(0)
         self._guard: dict[str, Any] = {}
-        self._first: Array | None = None  # samples that came while the start was awaited
+        self._first: Array | None = None  # samples fetched by `start`, which the next `fetch` returns
         self._inputs: tuple[str, ...] = ()
         self._samples = self._runs = 0
         self.position: float | None = None
@@ -190,14 +190,14 @@ class HostedRig:
         self.ramp_after: float | None = None
         self._said: dict[str, Any] = {}
         self.ended = False  # True when the run is over and all samples were fetched
-        self.operated = False  # True if a page shows by `beat` that its operator is there
+        self.operated = False  # True if a page sends requests `beat` while its operator is there
         self.waiting: Callable[[], object] = lambda: None  # called repeatedly while a start is awaited
 
     def guard(
         self, limits: Limits, position: PositionInput | None, rest: int, keep: Path | None = None
     ) -> None:
-        """Set what the process watches in the next run, and the file of samples that it completes if this
-        program is killed."""
+        """Set limits, position input and samples before the drive (`rest`) of the next run; `keep` is the
+        file of samples that the process completes if this program is killed."""
         self._guard = {
             "limits": limits._asdict(),
             "rest": rest,
@@ -216,8 +216,8 @@ class HostedRig:
         plausibility: Plausibility | None = None,
         second: PositionInput | None = None,
     ) -> None:
-        """Make the next run a closed loop in the rig's process; the loaded values are targets, m. Call it
-        after `guard`. `supervisor.Order` explains the other arguments."""
+        """Make the next run a closed loop in the rig's process; the loaded values are targets, m. Call this
+        after `guard`. `order.Order` explains the other arguments."""
         self._guard["controller"] = controller.document()
         self._guard["plausibility"] = None if plausibility is None else plausibility._asdict()
         self._guard["second"] = None if second is None else position_document(second.name, second.calibration)
@@ -227,7 +227,7 @@ class HostedRig:
         self._ask("command", what=what)
 
     def said(self) -> dict[str, Any]:
-        """Return the latest state of the closed loop: see `turns.LoopRig.said`."""
+        """Return the latest statistics of the closed loop, as `turns.LoopRig.said`; empty before a run."""
         return self._said
 
     def load(self, volts: Array) -> None:
@@ -235,7 +235,7 @@ class HostedRig:
         self._volts = volts
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs when the output starts."""
+        """Choose the inputs of the next run, and the number of samples to record."""
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
@@ -253,7 +253,7 @@ class HostedRig:
             self._first = self._fetched()
 
     def fetch(self) -> Array:
-        """Return the next samples [inputs, n]."""
+        """Return the next samples [inputs, n]; n may be 0. Raises the error that ended the run."""
         block, self._first = self._first, None
         return self._fetched() if block is None else block
 
@@ -266,7 +266,7 @@ class HostedRig:
         return block if block.size else np.zeros((len(self._inputs), 0))
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V, at the slew set by `guard`."""
+        """Ramp to 0 V at the `stop_slew` of the limits set by `guard`; `slew` is ignored."""
         del slew
         try:
             self._ask("close", within=_LAST, late=LATE)
@@ -276,7 +276,7 @@ class HostedRig:
             raise
 
     def home_here(self, position: PositionInput, slew: float) -> None:
-        """Make the present position home. The output is at 0 V while the position is read."""
+        """Make the present position home, which is read in a run at 0 V; `slew` [V/s] is used at its end."""
         self._open()
         try:
             self._ask("home_here", **position_document(position.name, position.calibration), slew=slew)
@@ -344,8 +344,8 @@ def _connected(folder: Path, name: str) -> socket.socket:
 
 
 def _started(folder: Path) -> int:
-    """Start a process in a session of its own, and return its number. The end of the terminal, or Ctrl-C in
-    it, does not reach the process."""
+    """Start the process of a rig and return its process number. The process has a session of its own, so
+    that neither Ctrl-C in the terminal nor the end of the terminal reaches it."""
     command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
     with suppress(OSError):  # messages of the previous process
         os.replace(folder / "rig.log", folder / "rig.log.before")
@@ -367,13 +367,13 @@ def _started(folder: Path) -> int:
 
 
 def _last_line(log: Path) -> str:
-    """Return the last message of an ended process, or where to look if it wrote none."""
+    """Return the last message of an ended process from its log; if there is none, the path of the log."""
     lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
     return next((line for line in reversed(lines) if line.strip()), f"see {log}")
 
 
 def _left(process: int) -> int | None:
-    """Return the exit code of a process that was started here; None while it runs."""
+    """Return the exit code of a process that this program started; None while the process runs."""
     try:
         ended, status = os.waitpid(process, os.WNOHANG)
     except ChildProcessError:
@@ -382,12 +382,12 @@ def _left(process: int) -> int | None:
 
 
 def greeted(folder: Path, name: str, within: float = 5.0) -> socket.socket | None:
-    """Return a connection to the running process; None without a process or an answer `within` s."""
+    """Return a connection to the rig process of a folder; None if no process answers `within` s."""
     try:
         known = read_small(folder / "rig.json") or {}
         token, port = str(known["token"]), int(known["port"])
         link = socket.create_connection(("127.0.0.1", port), timeout=within)
-    except (OSError, ValueError, LookupError, TypeError, OverflowError):  # damaged: rewritten by the next
+    except (OSError, ValueError, LookupError, TypeError, OverflowError):  # no process, or a damaged file
         return None
     try:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -30,14 +30,14 @@ from .protocols import RigError, StopRequested
 
 OPERATORS = "operators"  # permit of every rig; anybody may withdraw it
 FILE = "interlock.json"
-_LONGEST = 400  # characters of a reason
+_LONGEST = 400  # characters to which a reason is shortened
 HOW_TO_ARM = "Arm it on purpose: --arm WHY on the command line, stickslip.rig.armed(WHY), or the panel"
 _HOW_TO_ACKNOWLEDGE = (
     "Look at the rig, then acknowledge the fault: stickslip interlock FILE --acknowledge WHY, "
     "stickslip.rig.interlock_of(rig).acknowledge(WHO, WHY), or the panel"
 )
 
-Log = Callable[[str, str, str, str], None]  # act, who, what, why
+Log = Callable[[str, str, str, str], None]  # arguments: act ("armed"), who did it, to what, why
 
 
 class InterlockError(RigError):
@@ -54,14 +54,14 @@ class Permit(NamedTuple):
 
 
 def _unlogged(act: str, who: str, what: str, why: str) -> None:
-    """Log nothing."""
+    """Ignore an act: the default `log` of an `Interlock`."""
 
 
 class Interlock:
-    """State machine of one rig; see the module.
+    """State machine of one rig, which decides whether a run may start; the module lists the states.
 
     Args:
-        path: file that keeps fault and permits; by default they are kept in memory.
+        path: JSON file that keeps fault and permits; by default they are kept in memory.
         required: names of the permits that the rig needs in addition to the operators' permit.
         log: called with each act: what was done, by whom, to what, why.
         simulated: True for a simulated rig.
@@ -83,7 +83,10 @@ class Interlock:
         self._load()
 
     def require(self, names: Iterable[str]) -> None:
-        """Require these permits in addition to the operators' permit. A new permit is not given."""
+        """Require these permits in addition to the operators' permit.
+
+        A permit that nobody has given yet counts as missing.
+        """
         with self._lock:
             self._required = (OPERATORS, *names)
 
@@ -92,7 +95,7 @@ class Interlock:
         return {name: self._kept.get(name, Permit()) for name in self._required}
 
     def need(self) -> None:
-        """Raise InterlockError unless a run may start."""
+        """Raise InterlockError unless a run may start: no fault, all permits given, output armed."""
         with self._lock:
             missing = self._missing()
             if not missing and not self._armed and not self.simulated:
@@ -125,7 +128,11 @@ class Interlock:
             self._log("disarmed", who, "the output", why)
 
     def latch(self, what: str) -> None:
-        """Keep a fault until it is acknowledged. Later faults do not replace it."""
+        """Disarm, and keep a fault until it is acknowledged. Later faults do not replace it.
+
+        Args:
+            what: the fault, in words.
+        """
         with self._lock:
             self._armed = ""
             if not self._fault:
@@ -144,7 +151,17 @@ class Interlock:
         self._log("acknowledged", who, fault, why)
 
     def permit(self, name: str, given: bool, who: str, why: str) -> None:
-        """Give or withdraw a permit. Raises QuantityError for an unknown permit, or without a reason."""
+        """Give or withdraw a permit; a withdrawal disarms.
+
+        Args:
+            name: name of the permit, such as "operators".
+            given: True to give the permit, False to withdraw it.
+            who: name of the person or program.
+            why: the reason, which is logged.
+
+        Raises:
+            QuantityError: the rig has no such permit, or no reason is given.
+        """
         why = _reason(why)
         with self._lock:
             if name not in self._permits:
@@ -161,7 +178,7 @@ class Interlock:
 
     @classmethod
     def of_state(cls, said: Mapping[str, Any]) -> Interlock:
-        """Return an interlock in the state that another one has reported."""
+        """Return an interlock in the state `said`, which the `state` of another one has returned."""
         made = cls(simulated=said["simulated"])
         made._armed, made._fault, made._since = said["armed_by"], said["fault"], said["since"]
         made._required = tuple(said["permits"])
@@ -169,7 +186,7 @@ class Interlock:
         return made
 
     def state(self) -> dict[str, Any]:
-        """Return the state, with its causes, as JSON data."""
+        """Return the state ("fault", "withheld", "disarmed", "armed") with its causes, as JSON data."""
         with self._lock:
             if self._fault:
                 now = "fault"
@@ -187,7 +204,7 @@ class Interlock:
             }
 
     def _missing(self) -> str:
-        """Return what forbids arming, and what to do; "" if nothing does."""
+        """Return, as a sentence, what forbids arming and what to do; "" if nothing forbids it."""
         if self._fault:
             return f"a fault of {self._since} is not acknowledged: {self._fault}. {_HOW_TO_ACKNOWLEDGE}"
         for name, one in self._permits.items():
@@ -227,7 +244,7 @@ def _now() -> str:
 
 
 def _reason(why: str) -> str:
-    """Return the reason in one line. Raises QuantityError if it is empty."""
+    """Return a reason as one line of at most `_LONGEST` characters. Raises QuantityError if it is empty."""
     said = " ".join(str(why).split())[:_LONGEST]
     if not said:
         raise QuantityError("a reason is needed: say why, in a few words")
@@ -235,16 +252,19 @@ def _reason(why: str) -> str:
 
 
 def is_fault(failure: BaseException | None) -> bool:
-    """Return True if a run ended by a fault: neither by a requested stop nor by a missing trigger."""
+    """Return True if the error that ended a run is a fault: no requested stop and no missing trigger.
+
+    `failure` is None, and no fault, for a complete run.
+    """
     return failure is not None and not isinstance(failure, StopRequested | CaptureError)
 
 
-_ARMED: list[str] = []  # reasons of the active contexts
+_ARMED: list[str] = []  # reasons of the active `armed` contexts, innermost last
 
 
 @contextmanager
 def armed(why: str) -> Iterator[None]:
-    """Arm the runs of this program within the context, each when it starts.
+    """Arm the runs that this program starts within the context. Each is armed at its start.
 
     Args:
         why: the reason, for the log.
@@ -260,7 +280,7 @@ def armed(why: str) -> Iterator[None]:
 
 
 def arming() -> str:
-    """Return the reason for which the runs of this program are armed; "" if they are not."""
+    """Return the reason of the innermost `armed` context; "" outside of any."""
     return _ARMED[-1] if _ARMED else ""
 
 
@@ -268,10 +288,9 @@ _INTERLOCKS: WeakKeyDictionary[Any, Interlock] = WeakKeyDictionary()
 
 
 def interlock_of(rig: Any) -> Any:
-    """Return the interlock of a rig.
+    """Return the interlock of a rig, or None for a simulated rig in this program, which needs none.
 
-    A `HostedRig` has the interlock of its process, another rig in this program its own. A simulated rig in
-    this program needs none: None.
+    A `HostedRig` has the interlock of its process. Any other rig in this program has one of its own.
     """
     hosted = getattr(rig, "interlock", None)
     if hosted is not None:
@@ -286,8 +305,10 @@ def interlock_of(rig: Any) -> Any:
 
 @contextmanager
 def enabled(rig: Any, drive: bool) -> Iterator[Callable[[BaseException | None], None]]:
-    """Check the interlock for one run of a rig in this program; yield a function that takes the error at its
-    end.
+    """Check the interlock for one run of a rig in this program.
+
+    The context yields a function, to be called when the run has ended, with the error that ended the run or
+    None. A fault among these errors is latched.
 
     Args:
         rig: a rig in this program; a rig that is supervised in its own process is not checked here.
@@ -318,7 +339,7 @@ def enabled(rig: Any, drive: bool) -> Iterator[Callable[[BaseException | None], 
 
 
 class HostedInterlock:
-    """Interlock of a rig in its own process; see `Interlock`.
+    """Client of the interlock of a rig in its own process, with the methods of `Interlock`.
 
     Args:
         ask: `Link.ask` of a connection to that process.
@@ -336,7 +357,7 @@ class HostedInterlock:
         self._ask("disarm", who=who, why=why)
 
     def acknowledge(self, who: str, why: str) -> None:
-        """Clear the fault."""
+        """Clear the fault. Raises QuantityError without a reason, or if there is no fault."""
         self._ask("acknowledge", who=who, why=why)
 
     def permit(self, name: str, given: bool, who: str, why: str) -> None:
@@ -344,5 +365,5 @@ class HostedInterlock:
         self._ask("permit", name=name, given=given, who=who, why=why)
 
     def state(self) -> Mapping[str, Any]:
-        """Return the state with its causes."""
+        """Return the state with its causes, as JSON data."""
         return self._ask("state")[0]["interlock"]

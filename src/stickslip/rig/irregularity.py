@@ -1,8 +1,9 @@
-r"""Irregular steps of real stages: scatter, direction, threshold noise, relaxation, soft end stops, cold.
+r"""Model of irregular steps of real stages, which a virtual rig adds to the equations of an actuator.
 
-The equations of an actuator do not contain its position. The excess of a slip therefore only shifts later
-positions. The slip s is the plastic part of the sliding displacement q: a play of half width w, the
-deflection at which the contact yields,
+It covers the scatter of steps, their dependence on direction, noise of the slip threshold, relaxation after a
+stop, yielding end stops and temperature. The equations of an actuator do not contain its position, so a
+longer or shorter slip only shifts later positions. The slip s is the plastic part of the sliding displacement
+q: a play (backlash) of half width w, the deflection at which the contact yields,
 
 .. math:: s_k = \min(\max(s_{k-1}, q_k - w), q_k + w).
 
@@ -34,8 +35,8 @@ from ..simulation.strain import strained
 
 Array = NDArray[np.float64]
 
-_APART = 0.5e-3  # s without slip before a new slip starts
-_BUILDING = 10.0  # slip until the seat has yielded, in units of `relaxation`; assumed
+_APART = 0.5e-3  # s without sliding after which the next sliding counts as a new slip
+_BUILDING = 10.0  # slip length over which the seat yields (1/e), in units of `relaxation`; assumed
 _STREAM = 3  # number of the random stream, distinct from those of `variation`
 
 
@@ -44,9 +45,9 @@ class Irregularity(NamedTuple):
     """Differences between the steps of a real stage. The default values are those of published stages.
 
     Scatter: 5 % (attocube's catalogue). Direction: ratio 1.28 of forward to backward steps, the geometric
-    mean of 1.02 and 1.08 (a rolling drive) and of 1.5 and 1.65 (two axes of a KIM101). Relaxation: 0.29 um;
-    yield of end stops: 41 um (SmarAct MCS2). Threshold noise and relaxation time are assumed: users only
-    report that steps near the threshold vary much.
+    mean of four published ratios, 1.02 and 1.08 (a rolling drive), 1.5 and 1.65 (two axes of a KIM101).
+    Relaxation: 0.29 um; yield of end stops: 41 um (SmarAct MCS2). Threshold noise and relaxation time are
+    assumed: users only report that steps near the threshold vary much.
     """
 
     scatter: Annotated[float, Quantity("", "σ", "scatter of single slips", minimum=0, maximum=0.5)] = 0.05
@@ -63,7 +64,10 @@ class Irregularity(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """Return True if every slip follows the equations of the actuator."""
+        """Return True if every slip follows the equations of the actuator.
+
+        End stops and temperature are not considered here.
+        """
         return not (self.scatter or self.direction or self.threshold_noise or self.relaxation)
 
 
@@ -71,15 +75,15 @@ REGULAR = Irregularity(0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Slips:
-    """Deviations of the slips of a real stage from those of the model, added up during a run.
+    """Running sum of the deviations of a real stage's slips from the slips of the model.
 
-    `offset` [m] is added to the position of the model. It is the excess of all slips so far, plus the present
-    elastic yield r of the slider's seat, which relaxes after a stop (see the module).
+    The position of the model plus `offset` [m] is the position of the real stage. The offset is the excess of
+    all slips so far, plus the present elastic yield r of the slider's seat, which relaxes after a stop.
 
     Args:
         of: size of each kind of irregularity.
         actuator: actuator whose contact slips.
-        seed: seed of the random scatter.
+        seed: whole numbers that seed the random scatter.
 
     Raises:
         QuantityError: the actuator is rotary, and `of.relaxation` is not 0.
@@ -104,7 +108,12 @@ class Slips:
         return self._shift + self._seat
 
     def step(self, slid: float, seconds: float) -> float:
-        """Return the offset [m] at the sliding displacement `slid` [m], `seconds` after the previous one."""
+        """Advance by one sample and return the offset, m.
+
+        Args:
+            slid: displacement of the end-effector relative to the stage in the model, m.
+            seconds: time since the previous sample, s.
+        """
         at = min(max(self._slipped, slid - self._width), slid + self._width)
         went = at - self._slipped
         if went != 0.0:
@@ -120,10 +129,7 @@ class Slips:
         return self.offset
 
     def follow(self, slid: Array, seconds: Array) -> Array:
-        """Return the offsets [n], m, at sliding displacements `slid` [n], m.
-
-        `seconds` [n] is the time of each displacement since the previous one.
-        """
+        """Advance by n samples and return the offset after each [n], m; arguments [n] as for `step`."""
         return np.array([self.step(q, dt) for q, dt in zip(slid.tolist(), seconds.tolist(), strict=True)])
 
     def _begin(self, way: int) -> None:
@@ -148,9 +154,13 @@ class Slips:
 
 
 def beyond_end(before: float, raw: Array, end: float, give: float) -> Array:
-    """Return a path [n], m, limited by end stops at -end and end [m], which yield by `give` [m] at most.
+    """Return the positions [n], m, of an end-effector between end stops at -end and +end.
 
-    `raw` is the path without end stops, m, and `before` the position before its first sample, m.
+    Args:
+        before: position before the first sample, m.
+        raw: positions that it would have without end stops [n], m.
+        end: distance of each end stop from position 0, m.
+        give: greatest elastic yield of an end stop, m.
     """
     found = raw.copy()
     for side in (-1.0, 1.0):

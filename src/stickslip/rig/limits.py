@@ -1,4 +1,4 @@
-"""Limits of an output, and the checks of a drive against them."""
+"""Limits of a rig's output and position, and the checks of a drive against these limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..quantities.units import QuantityError, with_prefix
 from .protocols import Array, Capabilities, RigError
 
 _INF = math.inf
-LONGEST_STOP = 10.0  # s, longest ramp to 0 V, from the greatest voltage
+LONGEST_STOP = 10.0  # s, longest allowed ramp from the greatest voltage of the limits to 0 V
 
 
 class LimitError(RigError):
@@ -30,11 +30,12 @@ class Limits(NamedTuple):
     a run in which the drive differs from 0 V by more than a hundredth of `max_voltage`.
 
     `min_position` and `max_position` are end stops of the end-effector, relative to home, checked during a
-    run. `watchdog` is the longest silence of the rig, and of the program that runs it. `frozen` is the
-    longest time in which the position may stay exactly the same while the drive moves by 10 V or more. A stop
-    is a ramp to 0 V at `stop_slew`; the ramp may last 10 s at most. `heartbeat` is the longest silence of the
-    operator during a run: of the panel's page in control, or of the program that records. It ends the run
-    with a ramp, and is no fault. It is watched by the process of a rig; infinite, the default, is no watch.
+    run. `watchdog` is the longest time without an answer of the rig or a request of the program that runs it.
+    `frozen` is the longest time in which the position may stay exactly the same while the drive moves by 10 V
+    or more. A stop is a ramp to 0 V at `stop_slew`; the ramp may last 10 s at most. `heartbeat` is the
+    longest silence of the operator during a run: of the panel's page in control, or of the program that
+    records. A longer silence ends the run with a ramp, and is no fault. Only the process of a rig checks
+    this; with infinity, the default, it does not.
     """
 
     min_voltage: Annotated[float, Quantity("V", "u_min", "least voltage", maximum=0)] = 0.0
@@ -67,14 +68,17 @@ class Limits(NamedTuple):
 
     @property
     def end_stops(self) -> bool:
-        """Return True if the travel is limited."""
+        """Return True if at least one of the two end stops is finite."""
         return math.isfinite(self.min_position) or math.isfinite(self.max_position)
 
 
 def changed_limits(before: Limits | None, after: Limits, unit: str = "") -> list[str]:
-    """Return the changes as texts for the log, such as "max_voltage 100 V -> 80 V".
+    """Return the changed limits as texts for the log, such as "max_voltage 100 V -> 80 V".
 
-    Without `before`, all finite limits are told. `unit` is that of positions; "" if it is not known.
+    Args:
+        before: previous limits; None to return all finite limits of `after`.
+        after: new limits.
+        unit: unit of positions, "m" or "rad"; "" if it is not known.
     """
     units = {name: quantity.unit for name, quantity in quantities(Limits).items()}
 
@@ -96,7 +100,7 @@ def changed_limits(before: Limits | None, after: Limits, unit: str = "") -> list
 
 
 def beyond(position: float, end: float, unit: str) -> LimitError:
-    """Return the error for an end-effector at a position beyond its end stop, both in `unit`."""
+    """Return the error for an end-effector at `position`, beyond its end stop `end`; both are in `unit`."""
     here, there = with_prefix(position, unit), with_prefix(end, unit)
     return LimitError(f"the end-effector is at {here} from home, beyond the end stop at {there}: stopped")
 
@@ -104,7 +108,7 @@ def beyond(position: float, end: float, unit: str) -> LimitError:
 def check_edges(limits: Limits, can: Capabilities) -> None:
     """Raise QuantityError if `max_slew` forbids a jump over the whole voltage range within one update.
 
-    A closed loop of steps needs this jump for its slip edges.
+    A closed loop that walks by stick-slip steps needs such jumps, at which the contact slips.
     """
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     least = (high - low) * can.update_rate
@@ -116,7 +120,13 @@ def check_edges(limits: Limits, can: Capabilities) -> None:
 
 
 def check_drive(volts: Array, limits: Limits, can: Capabilities) -> None:
-    """Raise LimitError if a run of these values [n], V, starting from 0 V, is not allowed on this rig."""
+    """Raise LimitError if a limit, or the rig, forbids a drive.
+
+    Args:
+        volts: voltages at the piezo, one per update [n]; the output is at 0 V before the first.
+        limits: allowed voltages, slew and duty.
+        can: capabilities of the rig.
+    """
     if volts.ndim != 1 or not volts.size or not np.all(np.isfinite(volts)):
         raise LimitError("the drive must be one row of finite voltages")
     if volts.size > can.max_points:

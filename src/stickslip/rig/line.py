@@ -12,8 +12,8 @@ from typing import Any, NoReturn
 
 from .protocols import RigError
 
-LONGEST_REPLY = 1_000_000  # bytes
-_INSISTENCE, _PAUSE = 1.0, 0.05  # s
+LONGEST_REPLY = 1_000_000  # bytes; a longer answer is an error
+_INSISTENCE, _PAUSE = 1.0, 0.05  # s in which `insist` repeats a failed attempt, and s between attempts
 
 
 class Line:
@@ -74,13 +74,17 @@ class Line:
             raise
 
     def insist(self, act: Callable[[], object], begin: Callable[[], object] = lambda: None) -> None:
-        """Bring the output to its safe state, repeatedly if needed.
+        """Bring the output to its safe state; if the connection breaks, try again on a new one.
 
-        If the connection is closed or fails, try again on a new one, on which `begin` is called first. There
-        are at least two attempts, and attempts for at least a second.
+        Attempts go on for at least a second, and there are at least two. An error that leaves the connection
+        open is raised at once.
+
+        Args:
+            act: sends the commands for the safe state.
+            begin: called on each new connection before `act`.
 
         Raises:
-            RigError: all attempts failed; the output may keep its voltage.
+            RigError: the safe state was not reached; the output may keep its voltage.
         """
         end, again = time.monotonic() + _INSISTENCE, True
         while True:
@@ -114,7 +118,12 @@ class Line:
             self.fail(f"{_told(content)} could not be sent: {error}")
 
     def until(self, end: bytes, asked: bytes = b"", timeout: float | None = None) -> bytes:
-        """Return what arrives before `end`; `asked` is the request, for errors.
+        """Return the bytes that arrive before `end`, without `end`.
+
+        Args:
+            end: bytes that terminate the answer.
+            asked: the request, for errors.
+            timeout: s; by default the timeout of the connection.
 
         Raises:
             RigError: the answer is late or too long, or the connection is closed.
@@ -126,7 +135,7 @@ class Line:
         return found
 
     def exactly(self, count: int, asked: bytes = b"") -> bytes:
-        """Return the next `count` bytes; errors as for `until`."""
+        """Return the next `count` bytes. Raises RigError as `until`; `asked` is the request, for errors."""
         last = time.monotonic() + self._timeout
         while len(self._rest) < count:
             self._receive(last, asked)
@@ -134,7 +143,10 @@ class Line:
         return found
 
     def more(self) -> bytes:
-        """Return unexpected data. If there are any, answers can no longer be matched to requests."""
+        """Return bytes that have arrived without a request; b"" if there are none.
+
+        If there are any, answers can no longer be matched to requests.
+        """
         if not self.closed and not self._rest and self._socket.waiting():
             with suppress(OSError):
                 self._rest += self._socket.recv(65536)
@@ -164,7 +176,7 @@ class Line:
         self._rest += came
 
     def fail(self, why: str) -> NoReturn:
-        """Raise RigError with a reason; close the connection first if it was made with `closing`."""
+        """Raise RigError with a reason. Close the connection first if `closing` is set."""
         if self._closing:
             self.close()
         raise RigError(f"{self.device}: {why}") from None
@@ -179,7 +191,13 @@ def finite(text: str) -> float:
 
 
 def need_silence(line: Any, name: str, query: str) -> None:
-    """Raise RigError if an instrument has sent more than was requested."""
+    """Raise RigError if an instrument has sent more than was requested.
+
+    Args:
+        line: connection, with a method `more`.
+        name: name of the instrument in the error.
+        query: the last query, for the error.
+    """
     more = line.more()
     if more:
         raise RigError(f"{name}: {query}: {more[:20]!r} came beside its answer")

@@ -1,4 +1,4 @@
-"""File locks, which are free again when their process ends in any way, and folders for one user only."""
+"""File locks, which the system releases when their process ends in any way, and folders for one user only."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-POLL = 0.02  # s between two attempts
+POLL = 0.02  # s between two attempts to get a lock
 
 
 @contextmanager
@@ -34,7 +34,12 @@ def locked(path: Path, most: float = 0.0) -> Iterator[bool]:
 def taken(file: int, shared: bool = False) -> bool:
     """Try to lock an open file. Return True if the lock was obtained.
 
-    The lock lasts as long as the file is open. It is exclusive, or with `shared` common to all who share it.
+    The lock lasts as long as the file is open. It is exclusive; with `shared` several programs can have it at
+    the same time, but none can have an exclusive one. Windows knows exclusive locks only.
+
+    Args:
+        file: descriptor of the open file.
+        shared: True to share the lock.
     """
     try:
         if sys.platform == "win32":
@@ -51,10 +56,10 @@ def taken(file: int, shared: bool = False) -> bool:
 
 
 def own_folder(folder: Path) -> Path:
-    """Return a folder that only this user can access. Create it if it does not exist.
+    """Return a folder that only this user can access. Create the folder if it does not exist.
 
     The folder's name can be guessed. Another user who created it first could receive this program's commands
-    or have it run files of theirs.
+    or have it run files of theirs. On systems without POSIX permissions nothing is checked.
 
     Raises:
         OSError: the folder belongs to another user, or others can access it. The message says what to do.

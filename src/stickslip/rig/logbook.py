@@ -23,13 +23,17 @@ from ..gate.files import opened
 from ..gate.text import load_json
 
 FILE = "log.jsonl"
-MOST_BYTES = 8_000_000  # bytes read from the end of the file: some 30,000 lines
+MOST_BYTES = 8_000_000  # bytes at the end of a log that are read: some 30,000 lines
 LEVELS = ("info", "warning", "error")
-_LONGEST = 2000  # characters of a text
+_LONGEST = 2000  # characters to which each text of a line is shortened
 
 
 class Entry(NamedTuple):
-    """A line of the log. `id` is its byte offset in the file; `who`, `where` and `why` may be ""."""
+    """A line of the log.
+
+    `id` is the byte offset of the line in the file, `time` is in ISO 8601 (UTC), and `level` is one of
+    `LEVELS`. `who`, `where` and `why` may be "".
+    """
 
     id: int
     time: str
@@ -41,7 +45,7 @@ class Entry(NamedTuple):
 
 
 class Logbook:
-    """The log of one folder; lines are written from any thread."""
+    """Writer of the log of one folder; any thread may write."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE
@@ -51,9 +55,10 @@ class Logbook:
     def write(
         self, what: str, *, who: str = "", where: str = "", why: str = "", level: str = "info"
     ) -> Entry:
-        """Append a line and return when it is on the disk.
+        """Append a line, wait until it is on the disk, and return it.
 
-        If the disk takes no line, the error goes to stderr: it must end neither a run nor its stop.
+        If the line cannot be written, that is reported on stderr and not raised: a full disk must end neither
+        a run nor its stop.
         """
         time = datetime.now(UTC).isoformat(timespec="milliseconds")
         texts = {"who": who, "where": where, "what": what, "why": why}
@@ -75,7 +80,7 @@ def read_log(path: Path, search: str = "", most: int = 500) -> list[Entry]:
 
     Args:
         path: the log file; a missing file has no lines, and damaged lines are left out.
-        search: words that a line must all contain.
+        search: words, separated by spaces, all of which a line must contain; upper and lower case are equal.
         most: greatest number of lines.
 
     Raises:
@@ -88,7 +93,10 @@ def read_log(path: Path, search: str = "", most: int = 500) -> list[Entry]:
 
 
 class _LogSearch(NamedTuple):
-    """Search of the log, run in the process that reads files."""
+    """Search of the log, executed in the separate process that reads files.
+
+    `words` are in lower case; `most` is the greatest number of lines that are returned.
+    """
 
     words: list[str]
     most: int
@@ -132,7 +140,10 @@ def _entry(at: int, line: bytes) -> Entry | None:
 
 
 def _appended(path: Path, line: bytes) -> int:
-    """Append a line and return its offset. A line that a crash has cut short stays a line of its own."""
+    """Append a line to a file and return its byte offset.
+
+    If a crash has cut the last line short, a line end is inserted first, so that only that line is damaged.
+    """
     flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     file = os.open(path, flags, 0o600)
     try:
@@ -156,7 +167,10 @@ def _plain(text: str) -> str:
 
 
 def tail(path: Path, most: int) -> list[Entry]:
-    """Return the last lines of this program's own log, the oldest first, from its last 100 kB."""
+    """Return the last `most` lines of this program's own log, the oldest first; empty if unreadable.
+
+    Only the last 100 kB are read, in this process: the log is trusted.
+    """
     found = []
     with suppress(OSError, GateError):
         for entry in _newest(path, 100_000):
