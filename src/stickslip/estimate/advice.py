@@ -19,7 +19,7 @@ class Advice(NamedTuple):
         before, after: residual without and with the term: the greatest ratio to the noise or, with a `unit`,
             the root mean square.
         free: names of all free parameters including the term's; `added` are the new ones.
-        bounds: of the added parameters that need some, in SI.
+        bounds: lower and upper bound of each added parameter that needs bounds, in SI.
         change: fields of the actuator to change.
         untied: parameters whose tie must be removed.
         values: estimates with the term, in SI.

@@ -22,10 +22,11 @@ Array = NDArray[np.float64]
 
 # Degrees of freedom of Student's t. Its tails exceed the tails of any posterior of Gaussian noise.
 FREEDOM = 7.0
-# Residuals are drawn with a slightly larger standard deviation than fitted; a share of the points with a much
-# larger one, for tails that are longer on one side.
+# WIDER: factor on the fitted standard deviations of the residuals. FAR_SHARE: share of the drawn points whose
+# residuals are multiplied by FAR as well, for tails of the posterior that are longer on one side.
 WIDER, FAR_SHARE, FAR = 1.1, 0.15, 2.0
-# Weight, in points, that shrinks the second-order terms; fewest points for these terms.
+# HELD_BACK: weight, in number of points, of a ridge penalty on the second-order terms. FEWEST: smallest
+# effective number of weighted points at which a polynomial is fitted; with fewer, only a constant.
 HELD_BACK, FEWEST = 3.0, 60.0
 # Smallest share of a component that stays in a mixture.
 LEAST_SHARE = 1e-3
@@ -34,8 +35,8 @@ LEAST_SHARE = 1e-3
 class Bent(NamedTuple):
     """One component of a mixture: a distribution along a curved minimum.
 
-    Fields: centre [k], axes as rows [k, k], coefficients of each polynomial in the previous coordinates, and
-    standard deviations of the residuals [k].
+    Fields: `centre` [k]; `axes` as rows [k, k]; `coefficients` of each coordinate's polynomial in the
+    previous coordinates; `left`: standard deviations of the residuals [k].
     """
 
     centre: Array
@@ -72,7 +73,8 @@ class Bent(NamedTuple):
 
     @property
     def log_volume(self) -> float:
-        """Logarithm of the volume of the component."""
+        """Return the logarithm of the component's volume: the product of the residual standard deviations and
+        the determinant of the axes."""
         return float(np.sum(np.log(self.left)) + np.linalg.slogdet(self.axes)[1])
 
 
@@ -98,7 +100,8 @@ class Mixture(NamedTuple):
         return np.asarray(scipy.special.logsumexp(self.log_parts(points), axis=0))
 
     def fitted(self, points: Array, weights: Array) -> Mixture:
-        """Return the mixture fitted again to points [n, k] with weights [n] whose sum is 1."""
+        """Return the mixture fitted again to points [n, k] with weights [n] whose sum is 1, by one step of
+        expectation maximisation. Components with a negligible share are dropped."""
         parts = self.log_parts(points)
         each = weights * np.exp(parts - np.asarray(scipy.special.logsumexp(parts, axis=0)))
         shares = each.sum(axis=1)
@@ -108,7 +111,8 @@ class Mixture(NamedTuple):
 
 
 def straight(centres: Sequence[Array], covariances: Sequence[Array]) -> Mixture:
-    """Return a mixture of equal shares, normal about each centre with the tails of a t distribution."""
+    """Return a mixture with equal shares of one t distribution about each centre [k], without curvature; its
+    axes are the principal axes of the covariance [k, k]."""
     parts = []
     for centre, covariance in zip(centres, covariances, strict=True):
         ones = np.ones(centre.size)
@@ -129,8 +133,8 @@ def bent(points: Array, weights: Array) -> Bent:
 
 
 def _in_axes(points: Array, weights: Array, axes: Array) -> Bent:
-    """Return a component along these axes. The coordinates are ordered so that the last one is explained best
-    by the others, and so on to the first."""
+    """Return a component along axes [k, k] (rows), fitted to points [n, k] with weights [n]. The coordinates
+    are ordered so that the others explain the last one best, and so on down to the first."""
     centre = weights @ points
     z = _along(axes, points - centre)
     before, order = list(range(centre.size)), []

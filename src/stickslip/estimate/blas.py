@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 @functools.cache
 def _controller() -> ThreadpoolController:
-    import scipy.linalg  # noqa: F401  # loads its BLAS, which the controller must know
+    import scipy.linalg  # noqa: F401  # loads SciPy's BLAS, which the controller must know
 
     return ThreadpoolController()
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from .result import Fit
 
-# s of CPU, after which a search of a model that explains little ends.
+# CPU time, in s, after which the searches end if the model explains little of the motion.
 SECONDS = 30.0
-# Share of the motion above its noise that a model explains at least after the first short searches; even
-# wrong friction laws explain more.
+# A model explains little if the explained share of the recordings' variance beyond the noise is smaller than
+# this. After the first short searches, even wrong friction laws explain more.
 LITTLE = 0.8
 # Fewest evaluations before the budget can end a search, so that a slow machine does not stop it at once.
 FEWEST = 60
@@ -62,7 +62,7 @@ class EvaluationBudget:
         return max(1.0 - left / (self.total - self.noise), 0.0) if self.total > self.noise else 1.0
 
     def spend(self, cost: float) -> bool:
-        """Count an evaluation; return True if the budget is spent.
+        """Count an evaluation of the model; return True if the budget is spent.
 
         Args:
             cost: lowest weighted sum of squares of this search.

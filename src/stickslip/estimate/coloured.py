@@ -45,9 +45,9 @@ def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Arr
     residuals.
 
     The filter solves the Yule-Walker equations for the autocovariance of all pieces (arrays of residuals).
-    Its order is chosen by Schwarz's criterion [schwarz1978]. Akaike's would take an order above 0 for white
-    noise in one case of four, at any length, and then describe the dips that the fit itself has made in the
-    spectrum.
+    Schwarz's criterion [schwarz1978] chooses its order p, up to `most` and a quarter of the shortest piece.
+    Akaike's would take an order above 0 for white noise in one case of four, at any length, and then describe
+    the dips that the fit itself has made in the spectrum.
     """
     size = sum(r.size for r in pieces)
     most = min(most, min(r.size for r in pieces) // 4)
@@ -116,7 +116,8 @@ def filter_and_walk(pieces: Sequence[Array], walks: bool = True) -> tuple[Array,
     residuals, and the variance that an additional random walk gains from sample to sample.
 
     Args:
-        pieces, walks: see `coloured`.
+        pieces: residuals of each recording, shape (n,), evenly sampled.
+        walks: include a random walk; otherwise the last result is 0.
     """
     found = autoregression([r - r.mean() for r in pieces])
     walk, steps = _walk(pieces) if walks else 0.0, 0.0
@@ -132,8 +133,15 @@ def filter_and_walk(pieces: Sequence[Array], walks: bool = True) -> tuple[Array,
 
 
 def spectrum_of_differences(angles: Array, filter: Array, variance: float, walk: float) -> Array:
-    """Return the power spectrum of the differences of noise (this filter, variance and random walk) at
-    angular frequencies [rad per sample]."""
+    """Return the power spectrum of the sample-to-sample differences of noise at angular frequencies [rad per
+    sample].
+
+    Args:
+        angles: angular frequencies, shape (n,).
+        filter: filter 1, -a_1, ..., -a_p that whitens the stationary part of the noise.
+        variance: variance of the whitened part.
+        walk: variance that a random walk gains from sample to sample.
+    """
     passed = np.abs(np.polyval(filter[::-1], np.exp(-1j * angles))) ** 2
     return np.asarray(walk + (2.0 - 2.0 * np.cos(angles)) * variance / passed)
 
@@ -202,7 +210,7 @@ def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
     Args:
         fit: least-squares fit.
         noise: noise of its recordings.
-        known: number of residuals at the end that belong to priors, not recordings.
+        known: number of entries at the end of `fit.recordings` that are priors, not recordings.
     """
     assert fit.jacobian is not None
     in_time = len(fit.recordings) - known
@@ -230,8 +238,9 @@ def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
 
 
 def _of_coloured(fit: Fit, spread: Array) -> tuple[Minimum, ...]:
-    """Return the other minima with variances increased like those at the lowest, and with excesses reduced
-    accordingly."""
+    """Return the other minima of a fit for coloured noise: with variances increased by the same factors as
+    those of the lowest minimum, whose new covariance is `spread` [k, k], and with excesses of chi-squared
+    divided by the median factor."""
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.diag(spread) / np.diag(fit.uncertainty.covariance)
     ratio = np.where(np.isfinite(ratio), np.maximum(ratio, 1.0), 1.0)
@@ -261,8 +270,8 @@ def with_inherited(fit: Fit, jacobian: Array, covariance: Array) -> Fit:
 
 
 def inflation(fit: Fit, place: int) -> float:
-    """Return the factor by which coloured noise increases the variance of parameter number `place`, compared
-    with white noise."""
+    """Return the factor, at least 1, by which coloured noise increases the variance of parameter number
+    `place`, compared with white noise; 1 if the fit assumes white noise or the parameter is at a bound."""
     if fit.jacobian is None or not fit.correlated or fit.uncertainty.bounded[place]:
         return 1.0
     j = tangent(fit)

@@ -22,7 +22,8 @@ def relative_offset(
     Args:
         jacobian: d residuals / d coordinates, shape (n, k), n > k.
         residuals: divided by their noise, shape (n,).
-        variance: variance of the weighted residuals; by default that of the part that no step explains.
+        variance: variance of the weighted residuals; by default it is estimated from the part of the
+            residuals that no step explains.
     """
     gram = jacobian.T @ jacobian
     if not np.all(np.isfinite(gram)):

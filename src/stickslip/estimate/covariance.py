@@ -55,8 +55,9 @@ class Uncertainty(NamedTuple):
             conditional on the bound), infinite on the diagonal for coordinates that the data do not
             determine.
         bounded: for each coordinate 0, or -1 / +1 if its lower / upper bound is active.
-        push: for these, the derivative of half the chi-squared when the coordinate moves into the range.
-        released: for these, the variance without the bound.
+        push: for coordinates at an active bound, the derivative of half the chi-squared when the coordinate
+            moves into the range; 0 for the others.
+        released: for coordinates at an active bound, the variance without the bound; 0 for the others.
         centre: centre of the intervals, shape (k,), if it is the mean of a long minimum and not the
             estimate.
     """
@@ -137,7 +138,8 @@ def decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     """Return the singular directions of the residuals.
 
     It returns three arrays: orthonormal directions U [n, m] in which the coordinates move the residuals; the
-    root R [k, m] of (J'J)^-1 = R R' with J R = U; and the coordinates with a part in the null space of J.
+    root R [k, m] of (J'J)^-1 = R R' with J R = U; and the indices of the coordinates with a part in the null
+    space of J, which the data do not determine.
     Sums over samples are taken along U, because nearly parallel coordinates would otherwise leave differences
     of large numbers.
     """
@@ -150,7 +152,8 @@ def decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _long_run(terms: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Return the sum over all lags of the windowed autocovariance of the terms [n, k], shape (k, k)."""
+    """Return the sum over all lags of the autocovariance of the terms [n, k] with Bartlett's window, shape
+    (k, k). The length of the window follows from the correlation time of the residuals [n]."""
     power = scipy.signal.fftconvolve(residuals, residuals[::-1])[residuals.size - 1 :]
     negative = np.flatnonzero(power <= 0)
     # The window must be longer than the correlation time of the residuals, and short compared with the data.

@@ -15,11 +15,12 @@ from .jumps import events
 from .lack import KnownNoise
 from .outliers import TO_DEVIATION, spikes
 
-# Fewest equal samples in a row that may be a frozen channel; and smallest change of the model meanwhile, in
-# converter steps or standard deviations of the noise.
+# FEWEST_FROZEN: fewest equal samples in a row that may be a frozen channel. MOVED: smallest change of the
+# model during these samples, in converter steps or standard deviations of the noise, whichever are larger.
 FEWEST_FROZEN, MOVED = 5, 4.0
-# Number of parts of a recording whose means are tested for drift; fewest samples in a part; smallest drift as
-# a share of the total rms, and relative to white noise.
+# PARTS: number of parts of a recording whose mean residuals are tested for drift. LEAST_PART: fewest samples
+# in a part. The rms of the means is a drift if it exceeds the share WANDERS of the rms residual, and
+# ABOVE_WHITE times what white noise of that rms would give.
 PARTS, LEAST_PART, WANDERS, ABOVE_WHITE = 16, 8, 0.3, 3.0
 # Change of a fitted value, in standard errors, above which a fault makes its interval unreliable.
 MOVES = 1.0
@@ -30,7 +31,8 @@ ADVICE = {
     "freeze": "end the recording before it, or record again",
     "hum": "find its source, or record with a drive whose frequency does not divide it",
 }
-# Share of the range of a channel below which an event is a simulation error.
+# A jump, burst or drift below this share of the channel's range is ignored: it may be an error of the
+# simulation.
 NEGLIGIBLE = 1e-4
 
 Array = NDArray[np.float64]
@@ -191,12 +193,12 @@ def disturbances(
 
 
 def frozen(measured: Array, residuals: Array, step: float) -> list[tuple[int, int, float]]:
-    """Return for each frozen part of a recording the first sample, the sample after the last, and the model's
-    change meanwhile.
+    """Return for each frozen part of a recording the index of the first sample, the index after the last one,
+    and the range of the model's values between them.
 
     Args:
-        measured, residuals: measured, and model minus measured, [n].
-        step: converter step, in their unit; 0: none.
+        measured, residuals: measured values, and model minus measured values, [n].
+        step: converter step, in the unit of the data; 0: none.
     """
     model, same = residuals + measured, np.diff(measured) == 0.0
     noise = TO_DEVIATION * float(np.median(np.abs(np.diff(measured, 2)))) / math.sqrt(6.0)
@@ -210,14 +212,15 @@ def frozen(measured: Array, residuals: Array, step: float) -> list[tuple[int, in
 
 
 def _bridged(r: Array, wrong: NDArray[np.bool_]) -> Array:
-    """Return the residuals with straight lines in place of the wrong samples."""
+    """Return the residuals r [n] with straight lines between their neighbours in place of the samples that
+    `wrong` [n] marks."""
     right = np.flatnonzero(~wrong)
     return np.asarray(np.interp(np.arange(r.size), right, r[right])) if right.size else r
 
 
 def _wander(r: Array, columns: Array) -> float:
-    """Return the root mean square of the means of parts of the residuals, in their unit; 0 if it is a small
-    share of the total."""
+    """Return the drift of residuals r [n]: the standard deviation of the means of `PARTS` parts, in the unit
+    of r; 0 if white noise explains it. The part of r that `columns` [n, k] describe is subtracted first."""
     ones = np.column_stack([columns, np.ones(r.size)])
     norms = np.linalg.norm(ones, axis=0)
     ones = ones[:, norms > 0.0] / norms[norms > 0.0]

@@ -14,7 +14,8 @@ from .lack import Lack, lacks_of
 from .moves import moves
 from .result import Fit
 
-# Kinds that occur at one time. Hum and spikes are noise, for which the intervals allow.
+# Kinds of fault that occur at one time. Their effect is compared with the standard errors that the fit would
+# have without the fault. Hum and spikes count as noise, which the standard errors contain.
 SINGLE = ("jump", "burst", "freeze")
 
 Array = NDArray[np.float64]
@@ -87,7 +88,7 @@ def left_beside_faults(fit: Fit) -> Array:
 
 
 def _without(fit: Fit) -> Fit:
-    """Return the fit without earlier statements on faults."""
+    """Return the fit without its faults, and without their sentences in `doubts` and `remarks`."""
     old = {one.sentence for one in fit.disturbances}
     doubts, remarks = (tuple(s for s in said if s not in old) for said in (fit.doubts, fit.remarks))
     return replace(fit, disturbances=(), doubts=doubts, remarks=remarks)
@@ -99,7 +100,14 @@ def _parts(fit: Fit) -> list[tuple[Array, Array, Array]]:
 
 def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Array) -> list[Disturbance]:
     """Return the faults of one recording, each with the value that it changes most, and the change in
-    standard errors."""
+    standard errors.
+
+    Args:
+        fit: fit with its Jacobian.
+        found: faults of the recording.
+        rows: rows of the Jacobian that belong to the recording.
+        times: times of its samples, s, [n].
+    """
     assert fit.jacobian is not None
     shapes = [one.shapes(times) for one in found]
     if fit.loss != "linear" or not sum(s.shape[1] for s in shapes):

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from ..quantities.units import with_prefix
 
-# Range of the random walk's step that is tried, relative to the standard deviation of the samples at rest.
+# Range of tried random walks: standard deviation of the change per sample, divided by that of the white
+# noise.
 LEAST_WALK, MOST_WALK = 1e-4, 1.0
-# Number of random walks that are tried; number of spectral lines used, the lowest, because a filter affects
-# the others like a random walk.
+# TRIED: number of random walks that are tried in this range. LINES: number of spectral lines used, from the
+# lowest. At higher lines, noise after a low-pass filter resembles a random walk.
 TRIED, LINES = 33, 16
 _LOGS = np.linspace(2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK), TRIED)
 # Fewest samples at rest that distinguish a slope from a random walk.
@@ -68,7 +69,7 @@ def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Ar
 
     Args:
         pieces: samples [n] at rest, not all equal in every array; their levels may differ.
-        times: samples after the level from which the drift is counted.
+        times: times for which the drift is predicted, in samples after the instant at which it is zero.
         walks: smallest variance that a random walk gains from sample to sample.
     """
     sizes = np.array([float(r.size) for r in pieces])
@@ -101,7 +102,8 @@ class Drift(NamedTuple):
         return self.slope * (time - self.about)
 
     def unsure(self, time: Array) -> Array:
-        """Return the standard error of the drift at the times [n]."""
+        """Return the change of the drift at the times [n] if the slope is one standard error greater; it is
+        negative before `about`."""
         return self.error * (time - self.about)
 
 
@@ -115,7 +117,8 @@ def said_drift(slope: float, error: float, unit: str) -> str:
 def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
     """Return the linear drift of samples [n] at rest at equidistant times [s].
 
-    It is None if the drift is below `surely` standard errors, or if there are too few samples.
+    It is None if the slope is below `surely` standard errors, if all samples are equal, or if there are fewer
+    than `FEWEST`.
     """
     if samples.size < FEWEST or not np.ptp(samples) > 0.0:
         return None
@@ -125,8 +128,13 @@ def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
 
 
 def off_by_drifts(times: Sequence[Array], drifts: Sequence[Drift | None]) -> Array:
-    """Return the change of all samples by one standard error of each subtracted drift, shape (samples,
-    recordings)."""
+    """Return the change of all samples by one standard error of each subtracted drift, shape (samples of all
+    recordings, recordings).
+
+    Args:
+        times: times of each recording, s.
+        drifts: drift subtracted from each recording; None: no drift was subtracted.
+    """
     parts = [
         np.zeros_like(time) if drift is None else drift.unsure(time)
         for time, drift in zip(times, drifts, strict=True)

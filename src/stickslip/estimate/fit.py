@@ -24,7 +24,8 @@ from .problem import FitError, Problem, Residuals
 from .result import Fit
 from .search import End, Options, SearchResults, SearchState
 
-# Largest number of times that a search range is extended, by a factor `REACH` each: 30^4 in all.
+# Largest number of times that a search range is extended, each time by the factor `REACH` = 30. The initial
+# range extends to this factor of the initial guess, so the largest range extends to 30^4.
 WIDENED = 3
 # Smallest change of chi-squared beyond a search limit that determines the parameter.
 NOTHING_GAINED = 0.1
@@ -90,7 +91,7 @@ def _search_beyond(searches: SearchResults) -> None:
         before = problem.lower.copy(), problem.upper.copy()
         if not [place for place, side in sides.items() if problem.widen(place, side)]:
             return
-        # Ends of searches that are not minima are left out.
+        # Drop the searches that ended at the previous end of the range: these are not minima.
         searches.ends = [
             end
             for end in searches.ends

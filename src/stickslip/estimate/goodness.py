@@ -11,7 +11,17 @@ from numpy.typing import ArrayLike
 
 
 class Goodness(NamedTuple):
-    """Goodness of fit of one recording. Sums of squares are in the squared unit of the data."""
+    """Goodness of fit of one recording.
+
+    Attributes:
+        name: name of the recording.
+        n_data: number of samples.
+        sse: sum of squared residuals, in the squared unit of the data.
+        sst: sum of squared deviations of the measured values from their mean, in the squared unit of the
+            data; NaN if the measured values are unknown.
+        lag_one_correlation: correlation of neighbouring residuals; near 0 for white noise.
+        unit: unit of the data.
+    """
 
     name: str
     n_data: int

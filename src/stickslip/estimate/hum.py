@@ -9,10 +9,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-# Probability that noise shows a line, for one recording.
+# Probability that noise alone shows a line in one recording (false alarm).
 FALSE_ALARM = 1e-3
-# Number of lines on each side with which a line is compared (odd); number of neighbours to which its window
-# spreads it; largest number of lines that are searched.
+# BESIDE: number of spectral lines on each side with which a line is compared (odd). WIDE: number of
+# neighbouring lines that are left out between, because the window spreads a line over them. MOST: largest
+# number of disturbing lines that are searched in a recording.
 BESIDE, WIDE, MOST = 9, 3, 4
 # Distance from a harmonic of the drive, in lines, within which a line may be model error.
 NEAR = 2.0
@@ -67,8 +68,8 @@ def _strongest(r: Array, period: float, at_rest: int) -> HumLine | None:
         return None
     usual = _usual(power)[number]
     ratio = power[number] / np.where(usual > 0.0, usual, np.inf)
-    # The window correlates neighbours, and medians scatter like means of half as many, so a quarter of them
-    # count.
+    # F test: the 2 BESIDE neighbours have 2 degrees of freedom each. A quarter of these count, because the
+    # window correlates neighbours, and a median scatters like a mean of half as many values.
     chance = np.asarray(scipy.special.fdtrc(2, BESIDE, ratio)) * number.size
     synchronous = np.zeros(number.size, dtype=bool)
     if period > 0.0:
@@ -85,15 +86,16 @@ def _strongest(r: Array, period: float, at_rest: int) -> HumLine | None:
 
 
 def _usual(power: Array) -> Array:
-    """Return the mean power next to each line, from medians on either side; their geometric mean follows a
-    sloping spectrum."""
+    """Return the mean power of the noise next to each spectral line, from the medians on both sides. The
+    geometric mean of the two medians follows a sloping spectrum."""
     medians = scipy.ndimage.median_filter(np.log(np.maximum(power, 1e-300)), BESIDE, mode="nearest")
     shift = WIDE + BESIDE // 2
     return np.asarray(np.exp(0.5 * (np.roll(medians, shift) + np.roll(medians, -shift))) / OF_MEDIAN)
 
 
 def _refined(r: Array, number: int) -> HumLine:
-    """Return the line near `number` cycles that explains most of the residuals."""
+    """Return the sinusoid that explains most of the residuals r [n], with a frequency within one cycle per
+    recording of `number` cycles per recording."""
 
     def left(cycles: float) -> tuple[float, Array]:
         basis = HumLine(cycles / r.size, 0.0).shape(r.size)
@@ -108,7 +110,8 @@ def _refined(r: Array, number: int) -> HumLine:
 
 
 def _shown(rest: Array, line: HumLine) -> bool:
-    """Return True if the samples at rest contain at least half of a line."""
+    """Return True if the samples at rest contain the line with at least half of its amplitude, significantly.
+    False also if they are shorter than two cycles."""
     if rest.size * line.frequency < 2.0:
         return False
     basis = np.column_stack([line.shape(rest.size), np.ones(rest.size)])

@@ -14,15 +14,16 @@ if TYPE_CHECKING:
     from .parameter import Parameter
     from .result import Fit
 
-# Largest ratio, and largest share of the range, of an interval within which the model may be linearised.
+# Widest 95 % interval for which a linearised model is sufficient: ratio of its ends for a parameter on a
+# logarithmic scale, share of the search range for a parameter on a linear scale.
 LOOSE_RATIO, LOOSE_SHARE = 3.0, 0.2
 
 
 def loosest(fit: Fit, apart: Collection[str]) -> str | None:
     """Return the name of the one parameter that the data hardly determine, or None.
 
-    Parameters in `apart` do not count. The result is also None if several are undetermined, if no other
-    parameter depends on it, or if it has a prior.
+    Parameters in `apart` do not count. The result is also None if several are undetermined, if there is no
+    other parameter, or if the undetermined one has a prior.
     """
     among = [p.name for p in fit.parameters if p.name not in apart]
     known = {p.name for p in fit.parameters if p.prior is not None}
@@ -33,8 +34,9 @@ def loosest(fit: Fit, apart: Collection[str]) -> str | None:
 
 
 def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
-    """Return the names of parameters whose 95 % interval has ends of a ratio above `ratio`, or covers more
-    than `share` of the range."""
+    """Return the names of parameters whose 95 % interval is wide. On a logarithmic scale its ends have a
+    ratio of at least `ratio`; on a linear scale it covers more than `share` of the search range. An interval
+    is also wide if it is infinite, or extends to zero as the least possible value."""
     found, intervals = [], fit.confidence_intervals()
     for p in fit.parameters:
         low, high = intervals[p.name]
@@ -46,7 +48,8 @@ def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
 
 
 def _between(p: Parameter, low: float, high: float) -> str:
-    """Return an interval in words: only "above" or "below" if its other end is not a given bound."""
+    """Return the interval from `low` to `high` of the parameter p in words, with units. For a parameter with
+    limits of a law, an interval that extends to infinity or zero has one end: "above" or "below"."""
     if p.limits is not None and low <= p.least and high >= p.most:
         return "that it may have"
     if p.limits is not None and high == np.inf:

@@ -43,8 +43,14 @@ def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: floa
 
 
 def _inwards(t: float, push: float, released: float) -> float:
-    """Return the distance from a bound into the range at which the cost has risen by t^2/2.
+    """Return the distance of a coordinate from its active bound at which half the chi-squared has risen by
+    t^2/2: the end of the interval of t standard errors.
 
-    The cost over a distance d is push d + d^2 / (2 released).
+    Over a distance d into the range, half the chi-squared rises by push d + d^2 / (2 released).
+
+    Args:
+        t: half width of the interval in standard errors.
+        push: derivative of half the chi-squared at the bound.
+        released: variance of the coordinate without the bound.
     """
     return t**2 / (push + math.sqrt(push**2 + t**2 / released))

@@ -15,14 +15,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-# Samples below this multiple of the noise are quiet; number of neighbours in the median; largest deviation of
-# noise, in standard deviations.
+# QUIET: where jitter widens the scatter by less than this factor, a sample counts as slow. BESIDE: number of
+# slow samples in the running median that gives the level of the residuals. FAR: deviations are cut at this
+# number of standard deviations of the noise (plus the largest jitter), so that spikes and jumps do not count.
 QUIET, BESIDE, FAR = 1.4, 5, 30.0
 # Smallest gain of twice the log-likelihood by scatter in proportion to the speed: 5 standard errors of one
 # number, doubled because neighbours share samples.
 GAINED = 50.0
-# Correlated share of the squares, between neighbours or between periods, above which the scatter is not
-# jitter; and the standard errors of the share.
+# The scatter is not jitter if timing errors of neighbouring samples, or of successive periods, have a
+# correlation above COMMON, or above ERRORS standard errors of the correlation if that is larger.
 COMMON, ERRORS = 0.3, 3.0
 # Fewest samples in which the jitter is as large as the noise.
 FEWEST = 12
@@ -62,7 +63,15 @@ def calm(count: int) -> Scatter:
 def jitter_of(
     residuals: Sequence[Array], measured: Sequence[Array], times: Sequence[Array], periods: Sequence[float]
 ) -> tuple[Scatter, ...]:
-    """Return the scatter of each recording with the speed, if it is clock jitter."""
+    """Return the scatter of each recording with the speed if it is clock jitter, otherwise a `Scatter`
+    without jitter.
+
+    Args:
+        residuals: model minus measured of each recording, [n].
+        measured: measured values of each recording, [n].
+        times: times of each recording, s, [n]; empty if unknown, and then no jitter is searched.
+        periods: samples in a period of each recording's drive; 0: not periodic.
+    """
     found = [calm(r.size) for r in residuals]
     for i, (r, x, t, period) in enumerate(zip(residuals, measured, times, periods, strict=True)):
         if t.size == r.size == x.size and r.size > 1:
@@ -114,7 +123,8 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
 
 
 def _level(r: Array, slow: NDArray[np.bool_]) -> Array:
-    """Return the level of the residuals from the samples at which the model is slow."""
+    """Return the level of the residuals r [n]: a running median of the samples that `slow` [n] marks,
+    interpolated between them; zeros if there are too few."""
     if np.count_nonzero(slow) < BESIDE:
         return np.zeros(r.size)
     at = np.flatnonzero(slow)
@@ -124,8 +134,15 @@ def _level(r: Array, slow: NDArray[np.bool_]) -> Array:
 
 
 def _independent(off: Array, change: Array, fast: NDArray[np.bool_], period: float) -> bool:
-    """Return True if the timing errors of fast samples are independent of those of the next samples and of
-    other periods."""
+    """Return True if timing errors are those of clock jitter: independent of the timing errors of the next
+    sample and of the next period, and without a common mean.
+
+    Args:
+        off: residuals divided by their standard deviation, [n].
+        change: change of the model within a sampling interval, [n]; only its sign is used.
+        fast: True for samples at which the timing error dominates the noise, [n].
+        period: samples in a period of the drive; 0: not periodic.
+    """
     if np.count_nonzero(fast) < FEWEST:
         return False
     late = np.where(fast, off * np.sign(change), 0.0)

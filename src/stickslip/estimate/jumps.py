@@ -33,7 +33,7 @@ SURE = 8.0
 MOST = 6
 # Numbers of samples in a burst that are tried; a longer burst is two jumps.
 WIDTHS = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)
-LONGEST_PART = 10
+LONGEST_PART = 10  # bursts longer than the recording divided by this are not tried
 # Smallest share of the information on a jump that is independent of the parameters; with less, both cannot be
 # distinguished.
 LEAST_LEFT = 1e-3
@@ -112,7 +112,8 @@ def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 
 
 
 def _means(rows: Array, many: int) -> Array:
-    """Return means over `many` rows each, [n / many, ...]."""
+    """Return the means of successive groups of `many` rows, [n / many, ...]; an incomplete last group is
+    dropped."""
     count = len(rows) // many
     return np.asarray(rows[: count * many].reshape(count, many, *rows.shape[1:]).mean(axis=1))
 

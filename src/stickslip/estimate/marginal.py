@@ -31,11 +31,11 @@ from .result import Fit
 
 Array = NDArray[np.float64]
 
-POINTS = 10
-# Fewest points that must share the weight; number of refinements without success after which the value counts
-# as determined.
+POINTS = 10  # number of values over the range of the undetermined parameter, at which it is fixed
+# ENOUGH_SHARING: smallest effective number of points that share the weight; with fewer, points are added
+# between them. REFINEMENTS: number of such additions after which the parameter counts as determined.
 ENOUGH_SHARING, REFINEMENTS = 2.0, 3
-# Largest difference of the log weight from the best point; points beyond are ignored.
+# Points are ignored whose log weight is smaller than that of the best point by more than this.
 NEGLIGIBLE = 5.0
 
 
@@ -81,6 +81,7 @@ def mixture(fits: Sequence[Held]) -> WeightedPoints:
     return WeightedPoints(mean, covariance, float(1.0 / np.sum(weights**2)))
 
 
+# Function that fits the other parameters, given the fixed value and their initial guess; see `integrated`.
 Hold = Callable[[float, Values], tuple[Fit, Fit]]
 
 
@@ -154,8 +155,16 @@ class _Path:
         return [self.found[at] for at in sorted(self.found)]
 
     def add(self, at: float, begin: Array, beside: float) -> Held | None:
-        """Fit with the value fixed at `at`, starting from `begin`, which a neighbouring fit predicts; keep
-        the better result. Returns None if the model cannot be computed."""
+        """Fit the other parameters with the value fixed, and keep the better result for this value.
+
+        Args:
+            at: coordinate of the fixed value.
+            begin: initial guess of the coordinates of the others, predicted from a neighbouring fit.
+            beside: coordinate of the fixed value in that neighbouring fit; NaN for the first fit.
+
+        Returns:
+            The better fit at this value; None if the model cannot be computed.
+        """
         self.tried.add((at, beside))
         try:
             alone, whole = self.hold(self.parameter.value(at), values_at(self.others, begin))
@@ -208,7 +217,14 @@ class _Path:
                 self.add(here, self.ahead(one[:2], self.secant(one, other), here), one.at)
 
     def ahead(self, begin: tuple[float, Array], slope: Array, here: float) -> Array:
-        """Return the initial guess of the others at another fixed value, by linear extrapolation."""
+        """Return the initial guess of the others' coordinates [k] at another fixed value, by linear
+        extrapolation in the search variables.
+
+        Args:
+            begin: coordinate of the fixed value, and coordinates of the others, of a known fit.
+            slope: derivatives of the others by the fixed value, both as search variables, shape (k,).
+            here: coordinate of the other fixed value.
+        """
         at, others = begin
         step = self.parameter.to_search(here) - self.parameter.to_search(at)
         found = self._to_search(others) + slope * step
@@ -227,7 +243,8 @@ class _Path:
         return np.array([q.to_search(x) for q, x in zip(self.others, others, strict=True)])
 
     def _tangent(self, fit: Fit, place: int) -> Array:
-        """Return the derivative of the others by the fixed value, at the estimate."""
+        """Return the derivatives of the others by the value to be fixed (number `place`), both as search
+        variables, along the minimum at the estimate, shape (k,)."""
         at = [p.to_search(p.coordinate(fit.values[p.name])) for p in fit.parameters]
         slopes = [p.search_slope(x) for p, x in zip(fit.parameters, at, strict=True)]
         whole = tangent(fit) * slopes
@@ -246,7 +263,7 @@ def values_at(parameters: Sequence[Parameter], coordinates: Array) -> Values:
 
 
 def _held(at: float, alone: Fit, whole: Fit, variance: float) -> Held:
-    # A coordinate at its bound contributes to neither.
+    # A coordinate at its bound contributes neither to the volume nor to the covariance.
     free = np.flatnonzero(alone.uncertainty.bounded == 0)
     inside = np.ix_(free, free)
     ranges = np.array([p.coordinate(p.upper) - p.coordinate(p.lower) for p in alone.parameters])[free]
@@ -259,7 +276,7 @@ def _held(at: float, alone: Fit, whole: Fit, variance: float) -> Held:
 
 
 def _bounded(covariance: Array, ranges: Array) -> Array:
-    """Return a covariance reduced so that it is not wider than the bounds: it is combined with a flat
-    distribution within them."""
+    """Return a covariance [k, k] reduced so that it is not wider than the bounds. It is combined with the
+    variance of a flat distribution over the `ranges` [k] of the coordinates between their bounds."""
     flat = np.diag(12.0 / ranges**2)  # the variance of a flat distribution is a twelfth of its range squared
     return np.asarray(np.linalg.inv(np.linalg.inv(covariance) + flat), dtype=np.float64)

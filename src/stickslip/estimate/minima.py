@@ -14,7 +14,7 @@ from .quantiles import chi_squared
 
 # Two minima differ if a coordinate differs by more than this number of standard errors.
 APART = 1.0
-LEVEL = 0.95
+LEVEL = 0.95  # a minimum is rejected if its excess of chi-squared is beyond this quantile
 
 
 class Minimum(NamedTuple):
@@ -24,9 +24,9 @@ class Minimum(NamedTuple):
         values: values at the minimum, in SI.
         uncertainty: uncertainty of the coordinates there.
         excess: chi-squared above the lowest minimum, in variances of the noise.
-        whole: whether the fit's intervals include the whole interval about this minimum, as if it were the
-            lowest. That is so where one of many minima is the lowest by chance. Otherwise they include
-            less of it, the greater its excess.
+        whole: True if the fit's intervals include the whole interval about this minimum, as if it were the
+            lowest: for one of many minima, of which the lowest is so by chance. If False, they include a part
+            of it that shrinks with the excess.
     """
 
     values: dict[str, float]

@@ -32,13 +32,16 @@ Array = NDArray[np.float64]
 Density = Callable[[Array], tuple[Array, Array]]
 
 LEVEL = 0.95
-CHAINS, ROUND = 4, 256
-# Share of each chain that is discarded; fewest rounds that must remain after a mixture is fitted.
+CHAINS, ROUND = 4, 256  # number of chains; largest number of proposals that are evaluated together
+# FORGOTTEN: share of each chain that is discarded at its start. ROOM: a mixture is fitted again only if
+# simulations for at least this number of rounds remain.
 FORGOTTEN, ROOM = 0.1, 8
-# Effective share of proposals at which a mixture is good enough; and effective number of points needed to fit
-# one: with fewer, the density is flattened.
+# EFFICIENT: ratio of effective to actual number of proposals at which a mixture is good enough. WANTED:
+# effective number of points for the fit of a mixture; with fewer, the weights are flattened until they have
+# it.
 EFFICIENT, WANTED = 0.3, 150.0
-# Limits of [vehtari2021] and, for the weights, [vehtari2024].
+# Limits for convergence: largest R-hat and fewest effective samples [vehtari2021]; largest Pareto k of the
+# proposals' weights [vehtari2024].
 R_HAT, ENOUGH, HEAVY = 1.01, 400.0, 0.7
 
 
@@ -118,7 +121,9 @@ def sample(
         parameters: parameters of the samples.
         begin: first mixture.
         ties: tied values, added to the samples.
-        max_simulations, seed, progress: see `posterior`.
+        max_simulations: largest number of points at which the density is computed.
+        seed: seed of the random numbers.
+        progress: called after each round.
 
     Raises:
         FitError: the density is zero at all points of the first rounds.
@@ -173,7 +178,8 @@ def _fitted(mixtures: Sequence[Mixture], rounds: Sequence[_Draws]) -> Mixture:
 
 
 def _effective(log_weights: Array) -> float:
-    """Return the number of points of equal weight with the same information."""
+    """Return the effective number of points with these log weights [n]: the number of equally weighted points
+    with the same information."""
     if not np.any(np.isfinite(log_weights)):
         return 0.0
     weights = np.exp(log_weights - np.max(log_weights))
@@ -184,7 +190,8 @@ def _described(
     rounds: Sequence[_Draws], parameters: Sequence[Parameter], ties: Ties, arviz: Any, seed: int, done: int
 ) -> Posterior:
     """Return the posterior by independence Metropolis chains over the proposals of all rounds so far. A chain
-    accepts the next proposal with the ratio of its weight to that of the present one."""
+    accepts the next proposal with the ratio of its weight to that of the present one. `done` is the number of
+    simulations so far."""
     import xarray as xr
 
     weights = np.concatenate([r.log_weights.reshape(CHAINS, -1) for r in rounds], axis=1)
@@ -223,7 +230,8 @@ def _described(
 
 
 def summary_of(samples: xr.Dataset) -> xr.Dataset:
-    """Return mean, sd, interval, R-hat and effective numbers of each variable, over "parameter"."""
+    """Return mean, sd, low and high (of the 95 % interval of highest density), r_hat, ess and ess_tail of
+    each variable of a dataset over "chain" and "draw", as a dataset over "parameter"."""
     import xarray as xr
 
     arviz = _arviz()

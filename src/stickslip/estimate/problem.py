@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 
 class FitError(ValueError):
-    """Error: a fit cannot start or has too few data. The message contains the values of the parameters."""
+    """Error: a fit is impossible, such as with too few data, or with a model that cannot be computed at the
+    initial guess. The message gives the reason."""
 
 
 class Residuals(NamedTuple):

@@ -46,7 +46,7 @@ class Fit:
         values: estimates in SI of the searched parameters and of those in `beside`.
         uncertainty: uncertainty of the coordinates q.
         recordings: goodness of fit of each recording.
-        degrees_of_freedom: number of data minus number of parameters.
+        degrees_of_freedom: number of data and priors minus number of parameters.
         reduced_chi_squared: weighted sum of squares divided by the degrees of freedom; about 1 if the noise
             was given and the model is right.
         log_likelihood: for Gaussian noise; NaN with a robust loss.

@@ -48,7 +48,7 @@ def packed(item: Any) -> Any:
         return {TYPE: "array", "dtype": str(item.dtype), "rows": rows if plain else packed(rows)}
     if isinstance(item, np.bool_):
         return bool(item)
-    import xarray as xr  # not for each of a million numbers
+    import xarray as xr  # imported here, so that a million numbers do not each repeat the import
 
     if isinstance(item, xr.Dataset):
         held = {"coords": _held(item.coords), "data": _held(item.data_vars)}
@@ -104,8 +104,8 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
 
 
 def _array(item: dict[str, Any]) -> Any:
-    """Return an array of numbers or texts. The length of texts is taken from them, not from the content,
-    which could give any."""
+    """Return an array of numbers or texts. The width of a text array comes from the longest text: the width
+    that the content states could demand any amount of memory."""
     kind = np.dtype(str(item["dtype"]))
     if kind.kind not in "biufcU":
         raise TypeError(f"an array of {kind} is not one of numbers or texts")
@@ -120,7 +120,8 @@ def _method(owner: Any, name: Any) -> Any:
 
 
 def _kinds_of(made: type, types: Mapping[str, type]) -> Mapping[str, Any]:
-    """Return the kinds of a record's fields by name; unknown kinds are left out."""
+    """Return the annotated kinds of the fields of the record type `made`, by name; an empty dictionary if an
+    annotation is unknown. `types` are the known types by name."""
     import xarray as xr
 
     try:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from .lack import independent_samples
 from .result import Fit
 
-# Chi-squared with one degree of freedom that chance exceeds once in a thousand.
+# Smallest gain of chi-squared for which a further parameter is considered: chance exceeds it once in a
+# thousand fits (one degree of freedom).
 ASKED = 10.83
 # Assumed correlation length of residuals, in samples.
 MEMORY = 8
@@ -91,14 +92,16 @@ def rise(fit: Fit, name: str) -> float:
 
 
 def step(fit: Fit, slopes: Array) -> float:
-    """Return the linearised estimate of a further parameter, relative to 0, in its unit."""
+    """Return the linearised estimate of a further parameter, relative to 0, in its unit, with all fitted
+    parameters free. `slopes` [n]: derivatives of all residuals, joined, by the further parameter."""
     own = _own(fit.jacobian, slopes)
     length = float(own @ own)
     return -float(own @ np.concatenate(fit.residuals)) / length if length > 0.0 else 0.0
 
 
 def _in_variances(squares: float, left: Array, parameters: int) -> float:
-    """Return a sum of squares divided by the variance of residuals [n], reduced if these are correlated."""
+    """Return a sum of squares divided by the variance of the residuals `left` [n] of a model with this number
+    of parameters. The result is reduced by the share of independent samples if these are correlated."""
     share = independent_samples(left, MEMORY) / left.size
     variance = float(left @ left) / max(left.size - parameters, 1)
     return share * squares / variance if variance > 0.0 else 0.0

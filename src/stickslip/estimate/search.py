@@ -31,7 +31,8 @@ Array = np.ndarray
 
 
 class SearchState(NamedTuple):
-    """State of a fit after an evaluation of the model."""
+    """State of a fit after an evaluation of the model: number of evaluations, number of the current initial
+    guess (from 1), and number of initial guesses."""
 
     evaluations: int
     start: int
@@ -56,7 +57,8 @@ class Options(NamedTuple):
 
 
 class End(NamedTuple):
-    """End of one search: its cost, weighted by the noise; the coordinates; the reason."""
+    """End of one search: `cost`, the sum of squares weighted by the noise (with a robust loss, of the loss);
+    the coordinates `q` [k]; `converged`; and the reason of the end as `message`."""
 
     cost: float
     q: Array
@@ -118,7 +120,12 @@ class SearchResults:
         self.ends.append(self.search(self.options.starts, end.q, self.options.max_evaluations))
 
     def _closing(self, at: Array, two_sided: bool) -> Array:
-        """Return the derivatives during a search; raise `_Settled` if it has converged."""
+        """Return the derivatives of the weighted residuals by the search variables at the point `at` [k],
+        shape (n + priors, k).
+
+        Raises:
+            _Settled: the next step is far below the standard errors, so the search has converged.
+        """
         problem, options = self.problem, self.options
         q = problem.from_search(at)
         found, r = problem.slope(q, two_sided), problem.residuals(q)
@@ -132,7 +139,8 @@ class SearchResults:
         return found * [p.search_slope(x) for p, x in zip(problem.parameters, at, strict=True)]
 
     def search(self, number: int, q: Array, most: int) -> End:
-        """Search from q with at most `most` steps."""
+        """Search from the coordinates q [k], with at most `most` steps for one-sided and for two-sided
+        differences each. `number` is the number of the initial guess, from 1."""
         problem, options = self.problem, self.options
         problem.best_cost, problem.best = math.inf, q
         problem.after = partial(self._after, number, problem.evaluations)
@@ -186,8 +194,8 @@ class SearchResults:
             raise _OutOfBudget(problem.budget.said)
 
     def _improved(self, begins: Sequence[Array]) -> bool:
-        """Search briefly from these points, continue from the best one if it is lower than the present best,
-        and return True then."""
+        """Search briefly from the coordinates `begins`. If the lowest end is below the best one so far,
+        continue from it and return True; otherwise return False."""
         starts, lowest = self.options.starts, self.best.cost
         looks = [self.search(starts, q, LOOK) for q in begins]
         look = min(looks, key=lambda end: end.cost, default=None)
@@ -208,7 +216,8 @@ def scattered(problem: Problem, n: int, seed: int) -> Array:
 
 
 def _screened(problem: Problem) -> list[Array]:
-    """Return the best of many points within the bounds; some are near the lowest minimum."""
+    """Return the coordinates of the best of many points within the bounds, as initial guesses; an empty list
+    if a bound is infinite."""
     if not np.all(np.isfinite(problem.upper - problem.lower)):
         return []
     found = []

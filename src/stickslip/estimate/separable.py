@@ -77,7 +77,7 @@ def separable(
         recordings: data, and coefficients by name.
         designs: function from the values of the searched parameters to the design of each recording.
         parameters: the searched parameters.
-        about: arguments `noise_known` or `correlated` of `Problem`.
+        about: further arguments of `Problem`, such as `noise_known` and `correlated`.
     """
     known: dict[tuple[float, ...], list[_Solved]] = {}
 

@@ -22,7 +22,8 @@ FOLLOWED = 3
 
 
 def raised_by_noise(best: Fit) -> float:
-    """Return the factor by which the excess of another minimum counts less than for white noise."""
+    """Return the factor by which coloured noise reduces the significance of another minimum's excess of
+    chi-squared: the median factor by which it increases the variances."""
     return float(np.median([inflation(best, i) for i in range(len(best.parameters))]))
 
 
@@ -39,7 +40,7 @@ def from_several(
         look: function for a short search from a point, of some `ENOUGH` evaluations.
         ends: function that completes the searches of the lowest of these fits, the best first, and of the
             user's.
-        raised: factor for an excess of chi-squared, see `lowest`.
+        raised: function from the best fit to the factor by which an excess of chi-squared is divided.
 
     Raises:
         FitError: no search can start.

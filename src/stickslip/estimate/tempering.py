@@ -132,7 +132,17 @@ def _walk(
     scale: Array,
     random: np.random.Generator,
 ) -> float:
-    """Make one random-walk step of all points, in place. Returns the fraction of accepted steps."""
+    """Make one random-walk step of all points, in place. Returns the fraction of accepted steps.
+
+    Args:
+        log_likelihood: function for the log likelihood of points.
+        z: points, shape (runs, n, k), changed in place.
+        found: their log likelihoods, shape (runs, n), changed in place.
+        beta: exponent of the likelihood of each run, shape (runs,).
+        scale: step of each run relative to the scatter of the points, shape (runs,), adapted in place to the
+            wanted acceptance.
+        random: generator of random numbers.
+    """
     proposed = np.empty_like(z)
     for c in range(CHAINS):
         covariance = np.cov(_of_others(z, c).T) + 1e-9 * np.eye(z.shape[2])
@@ -145,7 +155,7 @@ def _walk(
 def _exchange(
     log_likelihood: LogLikelihood, z: Array, found: Array, beta: Array, random: np.random.Generator
 ) -> None:
-    """Make one step of all points to independent proposals, in place."""
+    """Make one Metropolis step of all points to independent proposals, in place. Arguments as for `_walk`."""
     proposed, log_ratio = np.empty_like(z), np.empty_like(found)
     for c in range(CHAINS):
         others = _of_others(z, c)

@@ -34,7 +34,7 @@ _OPERATORS: dict[type, Callable[..., Any]] = {
 }
 _FUNCTIONS: dict[str, Callable[..., Any]] = {"sqrt": np.sqrt, "exp": np.exp, "log": np.log}
 _CONSTANTS = {"pi": np.pi}
-_LONGEST = 300
+_LONGEST = 300  # characters of an expression
 # Complex step of the derivatives, relative to the value.
 _STEP = 1e-30
 _NOTHING = 1e-200  # smallest value that a complex step can change
@@ -159,8 +159,14 @@ class Ties:
     def slopes(
         self, values: Mapping[str, float], by: Sequence[str], of: Sequence[str] | None = None
     ) -> Array:
-        """Return the derivatives of values by others, shape (of, by), at the given values; by default of all
-        `varying` ones."""
+        """Return the derivatives of the parameters named `of` by the parameters named `by`, shape (of, by).
+        Parameters tied to those in `by` follow them.
+
+        Args:
+            values: values at which the derivatives are taken.
+            by: names of the parameters that change.
+            of: names of the parameters to differentiate; by default all except the fixed ones.
+        """
         rows = list(of or self.varying)
         found = np.zeros((len(rows), len(by)))
         with np.errstate(all="ignore"):
@@ -175,19 +181,20 @@ class Ties:
         return found
 
     def total(self, columns: Array, values: Mapping[str, float]) -> Array:
-        """Return the derivatives [n, k] by the searched values, given derivatives [n, ...] by all `varying`
-        values."""
+        """Return the total derivatives [n, k] by the searched parameters, given partial derivatives [n, ...]
+        by all parameters except the fixed ones."""
         return columns @ self.slopes(values, [p.name for p in self.searched]) if self._order else columns
 
     def follow(self, columns: Mapping[str, Array], values: Mapping[str, float], by: Sequence[str]) -> Array:
-        """Return the derivatives [n, by] by values including those tied to them, given the derivatives [n] by
-        each value alone."""
+        """Return the total derivatives [n, by] by the parameters in `by`, which tied parameters follow, given
+        the partial derivatives [n] by each parameter alone (`columns`)."""
         moved = [*by, *(name for name, _ in self._order if name not in by)]
         alone = np.column_stack([columns[name] for name in moved])
         return alone @ self.slopes(values, by, moved) if self._order else alone
 
     def shown(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
-        """Return the searched parameters, then the others, with a linear scale if they are not positive."""
+        """Return the searched parameters, then the fixed and tied ones. These have a linear scale unless they
+        are tied and positive."""
         others = (p._replace(log=p.log and bool(p.tied) and values[p.name] > 0.0) for p in self.beside)
         return (*self.searched, *others)
 

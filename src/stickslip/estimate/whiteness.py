@@ -18,7 +18,8 @@ def white(residuals: NDArray[np.float64], sizes: Sequence[int]) -> bool:
     [durbin1969].
 
     The share of the power below each frequency is compared with the share for white noise, as in the
-    Kolmogorov-Smirnov test. A smooth misfit far below the noise fails it.
+    Kolmogorov-Smirnov test. A smooth misfit far below the noise fails it, and so does a recording with fewer
+    than `FEWEST` samples.
 
     Args:
         residuals: residuals of all recordings, joined, shape (n,).

@@ -16,9 +16,10 @@ from .slips import SlipEvents, slips_of
 from .vibration import vibration_of
 
 POSITION = "end_effector_position"
-# Parts of the slow motion, as shares of a period, that determine the position just before and after a slip.
+# Parts of the slow motion that determine the position just before and after a slip, as shares of a period
+# after the previous slip and after the slip itself.
 BEFORE, AFTER = (0.65, 0.97), (0.25, 0.6)
-# Share of a period after a slip from which the spectrum is computed.
+# Length of the motion after each slip for the spectrum, as a share of a period.
 SPECTRUM = 0.25
 
 Array = NDArray[np.float64]

@@ -15,7 +15,8 @@ from ..recorded.drives import refuse_coarse
 JUMP = 0.3
 # Periods without a slip after which the next slip belongs to another walk.
 APART = 4.5
-# Smallest edge of the position that is a slip, in standard deviations of the noise of edges.
+# Smallest median edge of the position at which its edges are slips, in standard deviations of the edges that
+# noise makes. An edge is the mean of some samples minus the mean of as many samples before.
 ABOVE_NOISE = 5.0
 # Largest irregularity of the times between slips, relative to a period.
 IRREGULAR = 0.25
@@ -27,8 +28,8 @@ class SlipEvents(NamedTuple):
     """Slips of a recording.
 
     Fields: instants [s] of the slips, ascending; sign of each jump of the position, +1 or -1; `walk`, the
-    number of the walk of each slip; the period [s]; and the delay of the position after the drive [s], NaN
-    without a drive.
+    number of the walk of each slip; the period [s]; the delay of the position after the drive [s], NaN
+    without a drive; and `inverted`, True if the position jumps against the drive.
     """
 
     time: Array
@@ -69,7 +70,8 @@ def _walks(time: Array, sign: NDArray[np.int64], period: float) -> NDArray[np.in
 
 
 def _edges(x: Array, half: int) -> Array:
-    """Return the mean of the `half` samples after each sample minus the mean of those before it, [n]."""
+    """Return the mean of `half` samples of the position x [n] after each sample minus the mean of `half`
+    samples before, [n]; 0 near both ends."""
     mean = scipy.ndimage.uniform_filter1d(x, half, mode="nearest", origin=0)
     after, before = np.roll(mean, -(half // 2)), np.roll(mean, half - half // 2)
     found = after - before

@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 
 
 class Left(NamedTuple):
-    """Residual of a fit: weighted sum of squares, its variance, and the share of independent samples."""
+    """Residual of a fit: weighted sum of squares, variance of a weighted residual, share of independent
+    samples, and degrees of freedom."""
 
     square: float
     variance: float
@@ -119,7 +120,8 @@ def _noises(fit: Fit) -> Sequence[Any]:
 
 
 def said_of_noise(numbers: Sequence[int], found: Sequence[float]) -> str:
-    """Return a sentence on the modes that may be noise: their numbers and probabilities."""
+    """Return a sentence on the modes that may be noise, from their numbers (from 1) and the probabilities
+    that noise explains as much."""
     several = len(numbers) > 1
     names = ", ".join(str(n) for n in numbers)
     chance = max(found)

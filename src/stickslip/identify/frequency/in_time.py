@@ -103,20 +103,20 @@ def identify_in_time(
     """Fit a modal model to recordings by free simulation; all recordings and channels share poles and delay.
 
     Args:
-        drive: shape (samples, inputs, recordings).
-        response: shape (samples, outputs, recordings).
+        drive: drive voltage, V, shape (samples, inputs, recordings).
+        response: response, in the unit of the numerator of `unit`, shape (samples, outputs, recordings).
         sample_rate: Hz.
         start: initial poles, and the fixed delay: within a sample, gain and rate gain can
             replace it. The gains are solved for.
         periodic: the recordings are one period of a steady state; otherwise they start at rest.
-        unit: of response by drive.
-        correlated: allow for errors that are correlated in time, as those of a model always are.
+        unit: unit of response per drive.
+        correlated: allow for residuals that are correlated in time, as model errors always are.
         tied: poles that follow from others, as for `identify_frequency`.
         progress: called during the work; see `progress`.
 
     Returns:
-        As `identify_frequency`, without the delay. Every sample counts alike: it follows what moves most. A
-        mode that noise may have made is a failure.
+        A fit as by `identify_frequency`, without the delay. All samples have equal weights, so the fit
+        follows the largest motion. Its `failures` name modes that may be noise.
 
     Raises:
         QuantityError: an expression that ties is wrong.

@@ -17,9 +17,10 @@ from ...physics.electronics import Amplifier, Filter, amplifier_output
 from ...physics.electronics.filters import sections
 from ...quantities.units import to_si
 
-# Oversampling and accuracy [V] of the computed output. A low-pass then keeps everything up to 0.8 of half the
-# sample rate.
+# Oversampling factor and accuracy [V] of the computed output of the amplifier.
 _FINER, _TOLERANCE = 16, 1e-4
+# Low-pass before the output is sampled: half length in samples, and corner relative to half the sample rate.
+# It passes frequencies up to 0.8 of half the sample rate unchanged.
 _SPAN, _EDGE = 32, 0.9
 
 

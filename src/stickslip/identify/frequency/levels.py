@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 # Exponent for two levels, from three levels of a mirror's piezos (0.41 to 0.60); an exponent of 1 predicts
 # the outer levels worse.
 TWO_LEVELS_EXPONENT = 0.5
-LEAST_EXPONENT, MOST_EXPONENT = -3.0, 4.0
+LEAST_EXPONENT, MOST_EXPONENT = -3.0, 4.0  # range of the exponent p of the amplitude law
 STEEPEST = 1.0  # largest slope of a pole: its relative change per relative change of the amplitude
 # Tried relative shifts of all natural frequencies between neighbouring levels; modes are often 1 % wide.
 SHIFTS = np.linspace(-0.2, 0.2, 81)
@@ -171,8 +171,15 @@ def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: ModalForm) -> A
 
 
 def _left(level: xr.Dataset, poles: Array, shift: float, kind: ModalForm) -> float:
-    """Return the residual of the responses with all frequencies shifted by the same factor; all frequencies
-    have equal weights."""
+    """Return the residual sum of squares of one level's responses, fitted by modes whose natural frequencies
+    are all shifted by the same factor. All measured frequencies have equal weights.
+
+    Args:
+        level: responses of the level.
+        poles: natural frequency [rad/s] and damping ratio of each mode, then the delay [s].
+        shift: logarithm of the factor on all natural frequencies.
+        kind: coefficients of the modal model.
+    """
     level = level.isel(frequency=slice(None, None, max(1, level.sizes["frequency"] // LINES_IN_SEARCH)))
     shifted = np.append(poles[:-1].reshape(-1, 2) * [np.exp(shift), 1.0], poles[-1])
     basis = modal_design(level["frequency"].to_numpy(), shifted, kind).matrix
@@ -238,7 +245,7 @@ class _Levels:
         return found
 
     def designs(self, values: Values) -> list[Design]:
-        """Return the design matrix, the same for every channel."""
+        """Return the design of each channel at these values; it is the same for all channels."""
         base, slope, p = self._split(values)
         along, by_p = law(self.ratios, p), law_by_exponent(self.ratios, p)
         factors = np.exp(along[:, None] * slope)

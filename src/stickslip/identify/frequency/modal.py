@@ -35,11 +35,12 @@ from .above_noise import FALSE_ALARM, Left, chances, left_by_delay, said_of_nois
 
 # Damping ratios that are tried for a further mode.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
-LINES_IN_SEARCH = 1000
+LINES_IN_SEARCH = 1000  # number of frequencies to which a response is thinned for initial guesses
 # Initial delays: shares of the total phase of all modes (half a turn each) by which the slope of the phase
 # may exceed that of the delay.
 TURNED = (0.3, 0.6, 0.9)
-# Largest residual, relative to the deviations, from distortion and from modes that the model lacks.
+# Largest residual, relative to the deviations, that passes as distortion and weak modes outside the model; a
+# larger one is a failure of the fit.
 MOST_LEFT = 10.0
 LONGEST = 10.0  # delay, in periods of the highest frequency
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 3.0  # range of damping ratios that is searched first
@@ -331,8 +332,8 @@ def pole_parameters(starts: Sequence[tuple[float, float]], ends: tuple[float, fl
 
 
 def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: ModalForm) -> ModalModel:
-    """Return the modal model of a fit; `names` are those of the coefficients, which follow poles and
-    delay."""
+    """Return the modal model of a fit. `names` are the parameters for the poles and the delay, in this order;
+    all other parameters are coefficients."""
     *poles, delay = (fit.values[name] for name in names)
     rest = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
     return modal_model(
@@ -369,8 +370,9 @@ def real_over_imaginary(values: np.ndarray) -> np.ndarray:
 
 
 def modal_design(frequency: np.ndarray, values: np.ndarray, kind: ModalForm) -> Design:
-    """Return the responses of the modes (real parts, then imaginary parts) and their derivatives by poles and
-    delay."""
+    """Return the design matrix of a modal model, and its derivatives by poles and delay: responses of the
+    modes at frequencies [Hz], real parts, then imaginary parts. `values` are natural frequency [rad/s] and
+    damping ratio of each mode, then the delay [s]; `kind` says which coefficients there are."""
     omega, zeta, delay = values[0:-1:2], values[1:-1:2], values[-1]
     s = 2j * np.pi * frequency
     phase = np.exp(-s * delay)[:, None]

@@ -65,12 +65,13 @@ if TYPE_CHECKING:
 
 # Terms that are reported if they explain residuals but are not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")
-LOAD_EXPONENTS = (0.2, 2.0)
+LOAD_EXPONENTS = (0.2, 2.0)  # first search range of the load exponent p
 # Limits of a contact whose force grows with its load, and that has friction in both directions.
 LIMITS = {"load_exponent": (0.0, math.inf), "asymmetry": (-0.99, 0.99)}
-# Number of restarts at a stiffness with a lower residual, and the share by which it must be lower.
+# Largest number of restarts at a stiffness with a lower residual, and the relative decrease of the sum of
+# squares that it needs.
 CLIMBS, SAME_COST = 3, 1e-6
-# Relative; its effect on the response is far above the error of a simulation at 1e-9 m.
+# Relative step of numerical derivatives: its effect is far above the error of a simulation at 1e-9 m.
 DIFFERENCE_STEP = 1e-3
 
 
@@ -265,8 +266,9 @@ def _searched(
     progress: Progress,
     budget: EvaluationBudget,
 ) -> Fit:
-    """Return the lowest minimum of searches from the initial guesses `begins`, and from `starts` random ones
-    around them."""
+    """Return the lowest minimum of searches from the initial guesses `begins` and, if `starts` is above 1,
+    from `starts` - 1 random ones within the bounds. `less` returns the factor by which excesses of
+    chi-squared are divided, as in `lowest`."""
     problem.budget = budget
 
     def search(begin: Values, most: int, starts: int = 1) -> Fit:

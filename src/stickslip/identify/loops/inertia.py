@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 
 # Number of windows that start within the length of one: they share little noise and use most of the data.
 OVERLAP = 2
-# The velocity is averaged over this fraction of a window (1/32) before its sign is taken; a velocity below
-# this number of standard deviations of its noise has no sign.
+# SMOOTHED: the velocity is averaged over 1/32 of a window before its sign is taken. AT_REST: a velocity below
+# this number of standard deviations of its noise has the sign 0.
 SMOOTHED, AT_REST = 32, 3.0
 FEWEST = 16  # fewest samples in a window
 DRAWS = 16  # number of random draws of the position's noise

@@ -21,15 +21,16 @@ from .timing import Lateness
 
 # Numbers of play operators that are tried; more than the last predicted no better on any data tested.
 PLAYS = (1, 2, 4, 6, 8, 12, 16)
-FOLDS = 6
-# A smaller model is as good if its residual beyond white noise exceeds that of the best model by less than
-# this share; and the difference of chi-squared below which noise alone can make one model better.
+FOLDS = 6  # number of parts of each recording for cross-validation
+# A smaller model is as good as the best one if its held-out residual beyond white noise exceeds that of the
+# best one by less than the share ENOUGH. NOISE: difference of chi-squared that noise alone can cause, allowed
+# as well.
 ENOUGH, NOISE = 0.02, 10.0
 # Longest creep, in durations of the recordings: real stacks creep for hours.
 BEYOND = 10.0
 # Shortest recording that shows creep, in multiples of the start of creep.
 LONG_ENOUGH = 20.0
-SAMPLES_PER_PLAY = 10
+SAMPLES_PER_PLAY = 10  # fewest samples of a recording for each fitted play
 # Largest change of a resting drive, relative to its range.
 STILL = 0.01
 
@@ -44,8 +45,8 @@ class Shape(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """Result of the choice: the columns of the fit, delay and lag of the voltage, residual of the held-out
-    parts [m], and sentences on what was tried."""
+    """Result of the choice: `grid` of the model's columns; `late`, delay and lag of the voltage; `score`, the
+    typical residual of the held-out parts [m]; and sentences on what was tried."""
 
     grid: PlayGrid
     late: Lateness
@@ -112,7 +113,8 @@ def _lasts(observed: Sequence[Observed]) -> float:
 def _refuse_undetermined(
     observed: Sequence[Observed], operators: int | None, too_short: bool, time_constants: Sequence[float]
 ) -> None:
-    """Raise QuantityError for options that the recordings do not determine; `too_short`: for creep."""
+    """Raise QuantityError for options that the recordings do not determine. `too_short` is True if creep is
+    requested but the recordings are too short for it."""
     lasts, fewest = _lasts(observed), min(one.time.size for one in observed)
     if operators is not None and not 1 <= operators <= fewest // SAMPLES_PER_PLAY:
         raise QuantityError(
@@ -135,7 +137,7 @@ def _refuse_undetermined(
 def _remarks(
     observed: Sequence[Observed], grid: PlayGrid, tried: int, creep: bool | None, long_enough: bool
 ) -> list[str]:
-    """Return what the choice of a model among `tried` ones leaves open."""
+    """Return sentences on the model that was chosen among `tried` ones, and on the limits of its creep."""
     remarks: list[str] = []
     if tried > 1:
         remarks.append(
@@ -156,8 +158,14 @@ def _remarks(
 
 
 def left_of_all(observed: Sequence[Observed], late: Lateness, grid: PlayGrid) -> tuple[float, float]:
-    """Return the standard deviation [m] of the residuals of all samples for this grid, and its creep per
-    decade."""
+    """Return the standard deviation [m] of the residuals of a model fitted to all samples, and its creep per
+    decade of time.
+
+    Args:
+        observed: the recordings.
+        late: delay and lag of the voltage.
+        grid: columns of the model.
+    """
     parts = [columns(one, late.timing, grid) for one in observed]
     positions = [one.position for one in observed]
     found = solved(parts, positions, grid)

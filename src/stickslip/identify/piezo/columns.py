@@ -167,8 +167,9 @@ def refuse_one_way(observed: Sequence[Observed]) -> None:
 
 
 def repeated(drive: Array) -> tuple[float, float, float]:
-    """Return the first sample, period and end (in samples) of the last part of a drive, if it repeats until
-    its end; a period of 0 if it does not. `KnownNoise` takes the result."""
+    """Return the periodic last part of a drive [n] for `KnownNoise`: index of its first sample, samples per
+    period, and number of samples until the end of the drive. All are 0 if the drive does not repeat until its
+    end."""
     none = (0.0, 0.0, 0.0)
     half = drive[drive.size // 2 :] - drive[drive.size // 2 :].mean()
     line = int(np.argmax(np.abs(np.fft.rfft(half))[1:])) + 1
@@ -185,7 +186,7 @@ def repeated(drive: Array) -> tuple[float, float, float]:
 def at_piezo(observed: Observed, timing: DelayAndLag) -> Array:
     """Return the voltage at the piezo, V, shape (n,), after delay and lag."""
     time, rest, late = observed.time, observed.rest, observed.drive
-    if observed.cycled:  # the drive before the recording is the one at its start
+    if observed.cycled:  # before the recording, the drive follows its first slope backwards
         slope = float(late[1] - late[0]) / float(time[1])
         early = time - timing.delay
         late = np.where(early < 0.0, rest + slope * early, np.interp(early, time, late))

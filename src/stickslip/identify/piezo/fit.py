@@ -175,10 +175,9 @@ def identify_piezo(
 
 
 def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> bool:
-    """Return True if a choice has a smaller total residual than another, and predicts no worse.
-
-    The mean over the parts hides a lag after a single edge; the total alone would fit hysteresis by a lag.
-    """
+    """Return True if a choice has a smaller residual over all samples than another, and if this ratio times
+    the ratio of the held-out residuals is below 1. Held-out residuals alone would hide a lag after a single
+    edge; the residual of all samples alone would fit hysteresis by a lag."""
     less = left_of_all(seen, choice.late, choice.grid)[0] / left_of_all(seen, other.late, other.grid)[0]
     return less < 1.0 and less * choice.score < other.score
 
@@ -276,7 +275,7 @@ def _problem(
     begin = named(found, grid)
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
     low, high = range_of(seen)
-    ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}  # below -0.5: input not monotonic
+    ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}  # -0.5/range: not monotonic
     described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
     units = {"curvature": f"{unit}/V²", "skew": "1/V", "creep": "", "delay": "s", "lag": "s"}
     reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}

@@ -39,8 +39,8 @@ def inverse_drive(
     Args:
         fit: fit of `identify_piezo`.
         times: s, shape (n,), ascending from 0 or later.
-        positions: m, shape (n,), with the zero of the fit's recordings (`fit.values["offset_1"]`, ... is
-            where 0 V is, at first).
+        positions: wanted positions, m, shape (n,), as measured in the fit's recordings: the position at 0 V
+            before any drive is the mean of `fit.values["offset_1"]`, ....
         rest_voltage: V at which the piezo rests before, reached from 0 V; by default the voltage of the first
             position.
 

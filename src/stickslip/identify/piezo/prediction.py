@@ -120,7 +120,13 @@ def warn_beyond(prediction: PiezoPrediction, drive: Array, what: str, beyond: fl
 
 
 def after_hysteresis(piezo: Piezo, observed: Observed, u: Array) -> Array:
-    """Return hysteresis and creep of a voltage [V], shape (n,), with the recording's past drive."""
+    """Return the output of hysteresis and creep, V, shape (n,): the position divided by the gain.
+
+    Args:
+        piezo: hysteresis and creep.
+        observed: recording, for its times and the drive before its first sample.
+        u: voltage at the piezo, V, shape (n,).
+    """
     way = observed.way
     h = piezo.hysteresis.output(np.append(way, u), way[0])
     before, h = float(h[way.size - 1]), h[way.size :]

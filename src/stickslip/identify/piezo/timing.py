@@ -21,12 +21,13 @@ from .linear import Solution, solve
 
 # Smallest change within one sample that is an edge, relative to the drive's range and to its usual change.
 EDGE, UNUSUAL = 0.05, 8.0
-# Residual share of its height at which an edge is over; length of a window relative to the time until then;
-# smallest and largest number of samples in a window.
+# A window of samples after an edge shows delay and lag. OVER: the edge is over when the error of a model
+# without delay and lag has fallen to this share of its maximum. LONGER: length of the window relative to the
+# time until then. FEWEST, MOST: smallest and largest number of samples in a window.
 OVER, LONGER, FEWEST, MOST = 0.05, 1.5, 8, 400
 # Largest share of the samples until the next edge in a window; the other samples show the hysteresis.
 AFTER = 0.5
-EDGES = 40  # number of edges that are examined, evenly chosen
+EDGES = 40  # largest number of edges of a recording that are examined, evenly chosen
 # Initial guesses of the search: delays in samples, lags relative to the length of the windows.
 DELAYS, LAGS = (0.2, 0.8, 1.4, 2.2), (0.1, 0.2, 0.4)
 
@@ -42,7 +43,7 @@ class Edges(NamedTuple):
 
     @property
     def number(self) -> int:
-        """Return the number of samples in all windows."""
+        """Return the number of examined edges in all recordings."""
         return sum(map(len, self.windows))
 
 
@@ -84,8 +85,14 @@ def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
 
 
 def _until(left: Array, first: int, end: int) -> int:
-    """Return the end sample of the window of an edge: where the error [m] of a model without lag is no larger
-    than elsewhere."""
+    """Return the index after the last sample of an edge's window, which lasts until the error of a model
+    without lag is no larger than elsewhere, and somewhat longer.
+
+    Args:
+        left: absolute error of that model at each sample, m.
+        first: index of the first sample after the edge.
+        end: index of the next edge.
+    """
     most = min(MOST, int(AFTER * (end - first)))
     after = left[first : first + most]
     high = np.flatnonzero(after > max(OVER * float(after.max()), float(np.median(left))))
@@ -96,7 +103,8 @@ def _until(left: Array, first: int, end: int) -> int:
 def lateness(
     observed: Sequence[Observed], grid: PlayGrid, edges: Edges, near: DelayAndLag | None = None
 ) -> Lateness:
-    """Return the delay and lag that fit best after the edges; the search starts at `near`, if given."""
+    """Return the delay and lag that fit best after the edges, with a model of the columns in `grid` that is
+    fitted to the other samples. The search starts at `near`, if given. Without edges both are 0 s."""
     if not edges.number:
         said = (
             "the drive has no edges: a lag of the voltage cannot be told from hysteresis, and is taken as 0 s"
@@ -137,8 +145,15 @@ def lateness(
 
 
 def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution, edges: Edges) -> Array:
-    """Return the residuals after the edges, m. The mean of each window is subtracted, because earlier creep
-    is not a lag."""
+    """Return the residuals [m] of the samples in the windows after all edges, joined. The mean of each window
+    is subtracted, because earlier creep is not a lag.
+
+    Args:
+        parts: columns of each recording.
+        positions: measured positions of each recording, m.
+        found: coefficients of the columns.
+        edges: windows after the edges.
+    """
     left = []
     for of, y, windows in zip(parts, positions, edges.windows, strict=True):
         shown = found.position(of)

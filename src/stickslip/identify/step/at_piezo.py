@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 
 
 class VoltageRamp(NamedTuple):
-    """A linear part of the step: its height [V], start and duration [s]."""
+    """A linear part of the step behind the hysteresis: its height [V], its start after the step [s] and its
+    duration [s]; 0 for a jump."""
 
     height: float
     begin: float
@@ -66,7 +67,8 @@ def response(
 ) -> Callable[[Array, float, float, list[complex], list[complex]], Array]:
     """Return a function for the step response of linear dynamics behind the piezo.
 
-    Its arguments are times [s], height [V], rest [V], poles and zeros [rad/s].
+    The function's arguments are times after the step [s], height of the step [V], voltage before it [V], and
+    poles and zeros of the dynamics [rad/s]. It returns the response [n] for a static gain of 1, in V.
     """
     known: dict[tuple[float, float], list[VoltageRamp]] = {}
     creep = None if piezo is None else piezo.creep
@@ -100,7 +102,8 @@ def response(
 
 
 def _with_creep(creep: Creep | None, c: NDArray, p: NDArray) -> tuple[float, NDArray, NDArray]:
-    """Return level, coefficients and poles of the step response, including those of the lags of creep."""
+    """Return final value, coefficients and poles [1/s] of the step response of dynamics behind creep. `c` and
+    `p` are the coefficients and poles of the step response of the dynamics alone."""
     if creep is None:
         return 1.0, c, p
     tau, shares = np.array(creep.time_constants), np.array(creep.shares)

@@ -100,8 +100,12 @@ def first_look(test: StepTest, response: Response = plain) -> Look:
 
 
 def common_look(tests: Sequence[StepTest], looks: Sequence[Look]) -> int:
-    """Return the number of the recording whose estimate has the smallest residual in all recordings of a
-    stage."""
+    """Return the index of the recording whose second-order response fits all recordings of a stage best.
+
+    Args:
+        tests: recorded steps.
+        looks: second-order response estimated from each of them.
+    """
     if len(looks) == 1:
         return 0
     levels = [_crossing(test)[2] for test in tests]
@@ -117,7 +121,8 @@ def common_look(tests: Sequence[StepTest], looks: Sequence[Look]) -> int:
 
 
 def _crossing(test: StepTest) -> tuple[float, float, tuple[float, float]]:
-    """Return the duration of the middle half of the rise, its centre [s], and the levels before and after."""
+    """Return the duration of the middle half of the rise [s], the time after the step at which it is half
+    [s], and the position before the step with the height of the rise [m]."""
     t, x = test.time, test.position
     before, after = x[t <= 0.0], x[t > 0.0]
     if before.size < 2 or after.size < 2:
@@ -139,7 +144,14 @@ def _crossing(test: StepTest) -> tuple[float, float, tuple[float, float]]:
 
 
 def _rings(test: StepTest, half: float, rise: float, angular: float) -> list[float]:
-    """Return angular frequencies [rad/s] of the highest spectral peaks of the response after the rise."""
+    """Return angular frequencies [rad/s] of the highest spectral peaks of the response after the rise.
+
+    Args:
+        test: recorded step.
+        half: time at which the rise is half, s.
+        rise: height of the rise, m.
+        angular: approximate angular frequency, rad/s; peaks far from it are ignored.
+    """
     x = test.position[test.time > half]
     interval = float(np.median(np.diff(test.time)))
     x = x[: max(int(4.0 * PERIODS * 2.0 * math.pi / (angular * interval)), 16)] - x[x.size // 2 :].mean()
@@ -159,8 +171,8 @@ def _thinned(test: StepTest, most: int) -> StepTest:
 
 
 def _aligned(look: Look, test: StepTest, half: float, response: Response) -> Look:
-    """Return the estimate with the delay at which its response and the recorded one are half risen at the
-    same time."""
+    """Return the estimate with the delay at which its response is half risen when the recorded one is
+    (`half`, s)."""
     slow = 2.0 / look.natural_frequency * (1.0 + 2.0 * look.damping_ratio)
     since = np.append(np.linspace(0.0, max(slow, 2.0 * half), 40), 1e3 / look.decay)
     share = np.abs(response(test._replace(time=since), look))
@@ -170,14 +182,15 @@ def _aligned(look: Look, test: StepTest, half: float, response: Response) -> Loo
 
 
 def _left(look: Look, test: StepTest, response: Response) -> Array:
-    """Return the residual of the response with the best gain."""
+    """Return the recorded position minus the response with the best gain, m, shape (n,)."""
     shape = response(test, look)
     power = float(shape @ shape)
     return test.position - (float(shape @ test.position) / power if power > 0.0 else 0.0) * shape
 
 
 def _polished(look: Look, test: StepTest, rise: float, response: Response) -> Look:
-    """Return the closest response in the neighbourhood of an estimate, by least squares."""
+    """Return the closest response in the neighbourhood of an estimate, by least squares; `rise` is the height
+    of the recorded rise, m."""
     w, zeta, delay = look
 
     def of(q: Array) -> Look:

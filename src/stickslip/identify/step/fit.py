@@ -46,9 +46,10 @@ WINDOW, DECAYS = 8.0, 3.0
 REST = 8.0
 # Range of damping ratios: from a good tuning fork to two poles a factor of a thousand apart.
 DAMPING_RATIOS = (1e-4, 30.0)
-# Shortest lag that is fitted, as a fraction of the response time.
+# Lags of the sensor below this fraction of 1/natural_frequency are left out of the model.
 LEAST_LAG = 1e-6
-# Standard errors above which a drift is reported, and subtracted before the first estimate.
+# Drifts of the sensor above this number of standard errors are reported, and subtracted before the first
+# estimate.
 SEEN = 3.0
 STAGE_PARAMETERS = ("damping_ratio", "natural_frequency", "gain")
 
@@ -200,7 +201,7 @@ def step_level(values: Values, number: int, since: Array) -> Array:
 
 
 def _straightened(test: StepTest) -> StepTest:
-    """Return the step without the drift that is visible before it."""
+    """Return the recording without a linear drift of the sensor, if the samples before the step show one."""
     rest = test.time < 0.0
     drift = drift_seen(test.time[rest], test.position[rest], SEEN)
     return test._replace(position=test.position - drift.at(test.time)) if drift else test
@@ -272,12 +273,17 @@ def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
 
 
 def _seen(response: Callable[[StepTest, Values], Array]) -> Response:
-    """Return the response to a step for a gain of 1."""
+    """Return a response function of parameter values as a function of a `Look`, with a gain of 1."""
     return lambda test, look: response(test, {**look._asdict(), "gain": 1.0})
 
 
 def _reach(first: Sequence[dict[str, float]], look: Look) -> float:
-    """Return the fitted duration before and after the step, s."""
+    """Return the fitted duration after the step, s.
+
+    Args:
+        first: classical numbers of each step, by name.
+        look: initial guess of the second-order response.
+    """
     return max(WINDOW * float(np.mean([row["peak_time"] for row in first])), look.delay + DECAYS / look.decay)
 
 
@@ -304,7 +310,8 @@ def _parameters(first: Sequence[dict[str, float]], look: Look, lag: bool, unit: 
 def _response(
     filter: Filter | None, slew_rate: float | None, piezo: Piezo | None
 ) -> Callable[[StepTest, Values], Array]:
-    """Return the response of the position channel to a step, from rest at 0."""
+    """Return a function for the response of the position channel to a step, relative to the position before
+    it, m, shape (n,). Its arguments are the recorded step and the values of the parameters by name."""
     zeros, known = filter_zeros_poles(filter) if filter else ([], [])
     stepped = piezo_response(piezo, slew_rate)
 

@@ -70,8 +70,21 @@ def own_timing(test: StepTest) -> Timing:
 
 
 def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dict[str, float]:
-    """Return, by name, delay, bias, steady value, peak time, overshoot, damping ratio and natural frequency
-    of a step; NaN without overshoot."""
+    """Return the classical numbers of a step by name.
+
+    Args:
+        test: recorded step.
+        timing: times at which the numbers are read.
+        delay: delay of the sensor, s; by default the start of the rise.
+
+    Returns:
+        voltage [V], delay [s], bias and steady_value [m], peak_time [s], overshoot (a fraction),
+        damping_ratio, natural_frequency [rad/s] and gain [m/V]. Damping ratio and natural frequency are NaN
+        without overshoot.
+
+    Raises:
+        RecordingError: the recording is too short, too coarsely sampled, or does not rise out of its noise.
+    """
     t, x = test.time, test.position
     needed = timing.rise_at + timing.steady_after + timing.steady_over
     if t[-1] < needed:

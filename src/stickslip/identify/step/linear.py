@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...physics.electronics import Filter
 
-# Poles closer than this, relative, are separated by it, because the sum has no term for a double pole.
+# Equal poles are separated by this relative distance, because the sum of exponentials has no term for a
+# double pole.
 APART = 1e-5
 
 
@@ -78,7 +79,8 @@ def one_of_pairs(
 
 
 def _sum(t: NDArray[np.float64], c: NDArray, p: NDArray, integrals: int) -> NDArray[np.float64]:
-    """Return the step response, or its integral if `integrals` is 1; 0 before the step."""
+    """Return the unit step response 1 + sum of c exp(p t) at times t [s], or its integral over time if
+    `integrals` is 1; 0 before the step."""
     later = t > 0.0
     decay = np.exp(np.outer(p, t[later]))
     found = np.zeros(t.size)
