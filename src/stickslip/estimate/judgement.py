@@ -37,7 +37,7 @@ class Judgement(NamedTuple):
     ] = 0.99
     correlated: Annotated[
         float,
-        Quantity("", "ρ_r", "correlation of neighbouring residuals of no white noise", above=0, maximum=1),
+        Quantity("", "ρ_r", "correlation of residuals above which they are not white", above=0, maximum=1),
     ] = 0.3
 
 

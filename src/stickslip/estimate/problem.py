@@ -71,9 +71,8 @@ class Problem:
         difference_step: relative step of the derivatives. It must be far above the relative error of an
             adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
         n_eliminated: number of further parameters that the residual functions fit inside (see `separable`).
-        exchangeable: groups of names that may change places without changing the model, such as the
-            parameters
-            of each of several alike elements: minima in other orders of them are the same.
+        exchangeable: groups of parameter names that may change places without changing the model, such as the
+            parameters of each of several alike elements. Minima in other orders of the groups are the same.
         completed: function from a fit to the fit with the eliminated parameters.
 
     Raises:

@@ -51,7 +51,7 @@ CREEPING, SLOW, FAST = 1e-8, 1e-5, 1e-2
 _LOW, _HIGH = 0.1, 0.4  # ends of the oscillating load, relative to the sliding force
 _LOAD_SPRING, _LOAD_FREQUENCY = 50.0, 5.0  # N/m, Hz: softer than any contact, and slower than its resonance
 _PULL_SPRING, _PULL_SPEED = 1e3, 1e-3  # N/m, m/s
-_PERIODS = 8  # of the drive
+_PERIODS = 8  # number of simulated periods of the drive
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def _steady_force(law: Any, speed: float) -> float:
 
 def _stiffness(law: Any) -> float:
     """Return the stiffness of the contact from rest: the slope of the force over a first small displacement.
-    It is infinite if a tenth of the displacement gives the same force."""
+    It is infinite if a tenth of the displacement gives more than half of the force."""
     way = np.array([0.0, 1e-11, 1e-10])
     _, near, far = _force(law, way, CREEPING)
     return math.inf if near > 0.5 * far else float((far - near) / (way[2] - way[1]))

@@ -34,7 +34,7 @@ def with_first(fit: Fit, recordings: Sequence[xr.Dataset], response: Callable[[x
         count = at_rest(recording["position"].values)
         moved.append(response(recording.assign({OBSERVED: recording[OBSERVED] + g.rmse})))
         moved[-1] -= response(recording.assign({OBSERVED: recording[OBSERVED] - g.rmse}))
-        # Variance of the median: that of the mean times pi/2.
+        # The initial force is a median, whose variance is pi/2 times the variance of the mean.
         variances.append((0.5 * math.pi if count > 2 else 1.0) / count)
     columns = 0.5 * np.asarray(scipy.linalg.block_diag(*(column[:, None] for column in moved)))
     return with_inherited(fit, columns, np.diag(variances))

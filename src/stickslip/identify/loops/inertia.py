@@ -158,7 +158,8 @@ def _weighted(left: Array, variance: Array, values: Array) -> tuple[float, float
 
 
 def _doubts(fit: Fit) -> tuple[str, ...]:
-    """Return sentences on impossible values; the test of the sign of the friction counts as lack of fit."""
+    """Return a sentence on a negative mass or viscous friction; empty if both are possible. Viscous friction
+    is negative if its interval is, with the false-alarm probability of the lack-of-fit tests."""
     if fit.values["mass"] < 0.0:
         return ("the mass is negative: the force or the position has the wrong sign",)
     if fit.confidence_intervals(1.0 - 2.0 * fit.judgement.false_alarm)["viscous"][1] < 0.0:
@@ -188,9 +189,15 @@ def _by_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) ->
 
 
 def _exact(weights: Array, shape: Array, s: Array, moments: Sequence[float]) -> Array:
-    """Return the weights of a window's samples, corrected in proportion to its shape, so that the sums of 1,
-    s - 1/2 and its square equal the integrals. Otherwise, for few samples, a constant position would look
-    like a force."""
+    """Return the weights [n] of a window's samples, corrected so that their sums with 1, s - 1/2 and (s -
+    1/2)^2 equal the integrals. Otherwise, for few samples, a constant position would look like a force.
+
+    Args:
+        weights: window function, or a derivative of it, at the samples, [n].
+        shape: window function at the samples, [n]; the correction is proportional to it.
+        s: position of the samples in the window, 0 to 1, [n].
+        moments: the three sums that the weights must have.
+    """
     powers = (s - 0.5) ** np.arange(3)[:, None]
     missing = np.linalg.solve((powers * shape) @ powers.T, moments - powers @ weights)
     return weights + shape * (missing @ powers)

@@ -16,8 +16,8 @@ from ...estimate.minima import bound
 from ...estimate.result import Fit
 from ..recorded.known_noise import NOISY, NOTHING, white_noise
 
-# Share of the sum of squares of a wrong law in excess of the noise; minima that differ by less are
-# equivalent. It is an eighth of the root mean square.
+# Minima of a wrong law are equivalent if their sums of squares differ by less than this share of the sum of
+# squares in excess of the noise: their rms residuals differ by less than an eighth.
 ALIKE = 0.25
 
 

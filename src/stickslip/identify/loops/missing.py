@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 # Largest usual residual relative to the range of the force: that of the simplest presliding law on measured
 # loops. A larger one is a doubt.
 MEASURED = 0.05
-# Share of the sum of squares; a term that explains more is missing in the law.
+# Viscous friction that would explain more than this share of the residual sum of squares is a doubt, not a
+# remark.
 MOST = 0.5
 
 Array = NDArray[np.float64]
@@ -42,7 +43,8 @@ class Slope(NamedTuple):
 
 
 def viscous_slope(recordings: Sequence[xr.Dataset], along: Coordinate) -> Slope:
-    """Return the derivative by viscous friction, a force proportional to the velocity."""
+    """Return viscous friction as a `Slope`: the derivative of the force by the coefficient is the velocity of
+    all recordings, joined, m/s. The name is the unit of the coefficient, and the size is not limited."""
     velocity = [
         np.gradient(one["position"].values.astype(float), one["time"].values, edge_order=2)
         for one in recordings
@@ -57,8 +59,8 @@ def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tu
     reported, and others only if they explain something in addition.
     """
     asked = [one for one in others if gain(fit, one.by) > ASKED]
-    # If it is free, it also changes the initial state of the prediction, which would look like an error of
-    # the first force.
+    # A free viscous coefficient sigma_2 also changes the initial state of the prediction, which would look
+    # like an error of the first force.
     if "sigma_2" in fit.values:
         return [_said(fit, one) for one in asked], []
     share = _explained(fit, viscous)
@@ -91,7 +93,8 @@ def _explained(fit: Fit, one: Slope) -> float:
 
 
 def _with(fit: Fit, one: Slope) -> Fit:
-    """Return the fit with a term added, linearised."""
+    """Return the fit with a term added, linearised: its Jacobian has the term's column, and its residuals are
+    those that remain if all values are fitted again."""
     assert fit.jacobian is not None
     r = np.concatenate(fit.residuals)
     columns = np.column_stack([fit.jacobian, one.by])

@@ -23,7 +23,7 @@ from ...estimate.parameter import Parameter
 from ...estimate.problem import FitError, Problem
 from ...estimate.result import Fit
 
-NAME, POINTS = "stribeck_velocity", 7
+NAME, POINTS = "stribeck_velocity", 7  # profiled parameter; number of values over its interval
 # Ratio of successive fixed stiffnesses (half a decade), and their number on each side (three decades).
 RUNG, RUNGS = math.sqrt(10.0), 6
 # relative tolerance of the sum of squares, far below the differences between minima of a wrong law

@@ -66,7 +66,16 @@ def own_of(values: Values) -> Values:
 def response_of(
     recording: xr.Dataset, name: str, reference: float | None, origin: float, tolerance: float
 ) -> Callable[[Any, Values], NDArray[np.float64]]:
-    """Return a function that takes a law and values, and returns the predicted force of the channel."""
+    """Return a function that takes a friction law and values by name (of the law and of `CHANNEL`), and
+    returns the predicted force of the channel, N, shape (n,).
+
+    Args:
+        recording: with position [m] and friction_force [N], of which only the start is used.
+        name: name of the recording in messages.
+        reference: normal force [N] for which the law holds; None if the normal force is constant.
+        origin: time at which the drift is zero, s.
+        tolerance: largest error of the deflections, m.
+    """
     time = recording["time"].values
     position = channel(recording, "position", name, varies=True)
     velocity = np.gradient(position, time, edge_order=2)

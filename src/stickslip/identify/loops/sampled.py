@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 
 # Share of the rms residual that sampling may cause before it is reported.
 MUCH = 0.5
-# Number of parts of an interval in which the velocity changes by more than this share.
+# An interval between two samples is divided into PIECES if the velocity changes in it by more than the share
+# CHANGES of the smaller speed.
 PIECES, CHANGES = 8, 0.2
 
 

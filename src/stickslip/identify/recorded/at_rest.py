@@ -13,7 +13,7 @@ from ...quantities.units import QuantityError
 if TYPE_CHECKING:
     import xarray as xr
 
-FEWEST = 100
+FEWEST = 100  # samples of a recording at rest
 # Largest relative difference of sampling intervals at which two recordings have the same sample rate.
 SAME_RATE = 1e-3
 
@@ -27,7 +27,12 @@ class AtRest(NamedTuple):
     rate: float
 
     def check(self, rate: float, what: str) -> None:
-        """Raise QuantityError unless another sample rate [Hz] equals that of this noise."""
+        """Raise QuantityError unless another recording has the sample rate of this noise.
+
+        Args:
+            rate: sample rate of the other recording, Hz.
+            what: subject and verb for the message, such as "the walk has".
+        """
         if abs(rate / self.rate - 1.0) > SAME_RATE:
             raise QuantityError(
                 f"noise: the recording at rest has {self.rate:.6g} Hz, and {what} {rate:.6g} Hz, but its "

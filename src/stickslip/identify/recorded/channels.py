@@ -14,17 +14,17 @@ from ...recording.schema import refuse_unit
 from ...waveform.signal import Waveform
 from .levels import converter_step
 
-FEWEST_SAMPLES = 10
+FEWEST_SAMPLES = 10  # samples of a channel, below which it is refused
 # Number of equal extreme samples in a row that cannot be chance.
 FEWEST_CLIPPED = 5
 # A channel that stays at its greatest level is clipped if it passed this number of levels in an equal time
 # before. A smooth reversal passes up to nine, up to twelve with noise, that of a sawtooth one or two.
 FEWEST_LEVELS = 12.5
-# A channel that settles slows down before: in this many times as long it passed more than twice as many
-# levels. A channel that is cut off passed as many.
+# A channel that settles at its end slows down, and a channel that is cut off does not. Consider the time for
+# the last level: BEFORE times as long before its end, a settling channel was more than 2 BEFORE levels away.
 BEFORE = 4
-# Steps of a channel within which a reversal of the drive is hidden: two, because a piezo is half as steep
-# after it.
+# Motion of a drive that a channel may hide at a reversal, in converter steps of the channel. A piezo is about
+# half as steep just after a reversal.
 HIDDEN = 3.0
 # Smallest change within one sample that is an edge, relative to the drive's range.
 EDGE = 0.05
@@ -166,11 +166,17 @@ def refuse_clipped(
 ) -> None:
     """Raise `RecordingError` if a channel is saturated at its largest or smallest value.
 
-    A saturated channel reaches the value in full motion and stays there exactly, for `FEWEST_CLIPPED` samples
-    and longer than it takes to turn where a converter's levels are coarse; If it follows a `drive` [n], the
-    drive moves meanwhile by more than one `step` between the channel's levels would hide. A channel that
-    `rests` at its ends, such as the force of a slipping contact, counts as saturated if it has noise
-    elsewhere but not there.
+    A saturated channel reaches the value in full motion and stays exactly there, for at least
+    `FEWEST_CLIPPED` samples and longer than a smooth reversal stays on one level of the converter.
+
+    Args:
+        values: values of the channel, [n].
+        name: name of the channel.
+        where: name of the recording.
+        drive: drive that the channel follows, [n]: it must move while the channel stays at its end.
+        step: converter step, in the unit of the channel; by default it is estimated.
+        rests: True for a channel that rests at its ends, such as the force of a slipping contact. It is
+            saturated if it has noise elsewhere but not there.
     """
     meaning = STANDARD_NAMES.get(name)
     unit = f" [{meaning.unit}]" if meaning else ""
@@ -203,8 +209,8 @@ def refuse_clipped(
 
 
 def _settles(away: NDArray[np.float64]) -> bool:
-    """Return True if a channel comes to rest at an end; `away` are its distances from it before, in
-    levels."""
+    """Return True if a channel slows down before it stays at an end value. `away` are its distances from that
+    value in all samples before, in converter levels, [n]."""
     further = np.flatnonzero(away > 1.5)
     last = away.size - 1 - int(further[-1]) if further.size else away.size
     return last > 1 and bool(away[max(away.size - BEFORE * last, 0)] > 2.0 * BEFORE)

@@ -106,11 +106,13 @@ def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) ->
 
 
 def _settled(samples: int) -> int:
-    """Return the number of samples after the drive's end in which the vibration has decayed."""
+    """Return the number of samples in which the vibration has decayed, of this number of samples after the
+    drive's end."""
     return samples - int(RINGS * samples)
 
 
 def first_change(drive: Array, share: float) -> int:
-    """Return the number of samples before a drive [n] leaves its first level by this share of its range."""
+    """Return the number of samples before a drive [n] leaves its first level by this share of its range; 0 if
+    it never does."""
     moved = np.abs(drive - drive[0]) > share * np.ptp(drive)
     return int(np.argmax(moved)) if np.any(moved) else 0

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Readings come from a converter if the distances between levels are whole steps within the share WHOLE. If
-# more than the share MOST_LEVELS of the samples differ, some must move by several steps, because those of an
-# even ramp move by one.
+# Readings come from a converter if the distances between different readings are whole steps, within the share
+# WHOLE of a step. The samples of an even ramp also have whole steps between them. So if the number of
+# different readings exceeds the share MOST_LEVELS of the samples, at least one change between samples must be
+# of several steps.
 MOST_LEVELS, WHOLE = 0.25, 0.05
 
 

@@ -41,8 +41,8 @@ SURELY = 5.0
 # In sampling intervals: how far noise may move a point out of its interval, and the largest distance that
 # counts as zero.
 MARGIN, TOUCHING = 0.05, 1e-6
-# Largest deviation from a straight line, relative to the range, in addition to converter steps; fewest
-# samples of a line.
+# A part of at least FEWEST_STRAIGHT samples may be a straight line with converter steps if no sample deviates
+# from the line by more than the share STRAIGHT of the drive's range.
 STRAIGHT, FEWEST_STRAIGHT = 3e-3, 20
 
 TIMED = "as jumps at the instants to which the slopes beside them point"
@@ -202,7 +202,7 @@ def _rounding(u: Array) -> float:
     change = np.abs(np.diff(u, 2))
     some = change[change > 1e-9 * np.ptp(u)]
     step = float(some.min()) if some.size else 0.0
-    # these are kinks of a drawn waveform, which are few
+    # few changes of slope are the kinks of a drawn waveform, not converter steps
     if step < 1e-5 * np.ptp(u) or some.size < 0.05 * change.size:
         return 0.0
     steps = some / step
@@ -242,8 +242,8 @@ def _kinks(t: Array, u: Array, group: list[int]) -> list[Knot]:
 
 
 def _line(t: Array, u: Array, first: int, last: int) -> StraightLine:
-    """Return the straight line through the samples first..last (times t [s], voltages u [V]); a constant if
-    it has no significant slope."""
+    """Return the least-squares line through the samples first..last (times t [s], voltages u [V]); a constant
+    for a single sample."""
     times, values = t[first : last + 1], u[first : last + 1]
     time, level = float(times.mean()), float(values.mean())
     apart = times - time
@@ -252,11 +252,11 @@ def _line(t: Array, u: Array, first: int, last: int) -> StraightLine:
 
 
 def _straight(t: Array, u: Array, most: float) -> StraightLine | None:
-    """Return the straight line through samples that deviate from it only by rounding to `most`; None if they
-    do not.
+    """Return the straight line through samples (times t [s], voltages u [V]) that deviate from it only by
+    converter steps, and by less than `most` [V]; None if they deviate more.
 
-    Rounded values deviate from a line by no more than they differ from sample to sample; curved ones by far
-    more.
+    Rounded values deviate from a line by about their changes of slope from sample to sample; curved ones by
+    far more.
     """
     if t.size < FEWEST_STRAIGHT:
         return None

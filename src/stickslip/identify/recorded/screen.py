@@ -51,7 +51,7 @@ SLOW = 3.0
 # Smallest ratio of the natural frequency to the rate of a slow part of the drive; the stage does not follow
 # faster parts.
 SLOWER = 10.0
-# Share of a slow part, at its end, that is used, because the contact settles before.
+# Share of a slow part that is used, at its end; before, the contact may still settle after a slip.
 SETTLED = 0.75
 FEWEST_IN_PART = 8  # fewest samples of a slow part
 # Share of force times displacement by which the work of a loop must be negative to have the wrong sign.
