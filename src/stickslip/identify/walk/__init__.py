@@ -1,2 +1,2 @@
-"""Walks: identification of an actuator's friction from its own motion in steps, with posterior and
-intervals."""
+"""Identification of an actuator's friction from recordings of its own stick-slip motion (walks), with
+posterior distributions and intervals."""

@@ -20,8 +20,8 @@ def check_asked(
     tied: Mapping[str, str] | None = None,
     noise: float | str | None = None,
 ) -> None:
-    """Check names, initial values, bounds, priors and ties of `identify_friction`, so that it does not refuse
-    them later.
+    """Check names, initial values, bounds, priors and ties of a fit by `identify_friction`, so that errors
+    show before recordings are read.
 
     Args:
         model: actuator with the initial values.

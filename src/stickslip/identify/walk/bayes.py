@@ -54,7 +54,7 @@ def posterior(
     tolerance: float | str = 3e-10,
     progress: Progress = unheard,
 ) -> Posterior:
-    """Sample the posterior distribution of the parameters that `identify_friction` fitted.
+    """Return samples of the posterior distribution of the parameters that `identify_friction` fitted.
 
     The prior is flat within the bounds of the fit, in its coordinates (for a logarithmic scale, in the
     logarithm), unless the fit had `priors`. All proposals of a round are simulated as one ensemble, on all
@@ -66,11 +66,12 @@ def posterior(
         drive, slew_rate: as for the fit.
         stage: the fit of `identify_step` from which the model's stage comes. Its damping ratio, natural
             frequency and gain are then sampled too, with its estimate and covariance as prior.
-        max_simulations: largest number for each recording; sampling ends earlier if it has converged (see
-            `Posterior`).
-        seed: seed of the proposals.
-        tolerance: m, of the simulations.
-        progress: called after each round, with the share of `max_simulations` that is done.
+        max_simulations: largest number of simulations of each recording; sampling ends earlier if it has
+            converged (see `Posterior`).
+        seed: seed of the random proposals.
+        tolerance: error tolerance of the simulated position, m.
+        progress: called after each round, with a text and the fraction (0 to 1) of `max_simulations` that is
+            done.
 
     Raises:
         FitError: the fit is of another kind, or arviz is missing (extra ``stickslip[bayes]``).
@@ -104,13 +105,20 @@ def posterior(
 
 
 class _Space(NamedTuple):
-    """Space of a posterior: the parameters of a fit, then those of the stage's fit that are `kept`, in one
-    list.
+    """Parameters that a posterior samples: those of the fit of the walks, followed by those of the stage's
+    fit.
 
     Attributes:
-        centre: coordinates of both estimates; `power` straightens a curved minimum along each.
-        searched: coordinates of the search points; those of the channel are integrated out.
-        bend: the matrix C of the module's head.
+        fit: fit of the walks.
+        stage: fit of the stage; None: the stage is exact.
+        kept: indices in the stage's fit of its parameters that are sampled too.
+        parameters: all parameters in this order.
+        centre: coordinates q of all parameters at the estimates.
+        searched: indices in `parameters` of the coordinates of search points: all except delay and offset,
+            which are integrated out.
+        power: exponent for each searched coordinate that straightens a curved minimum; 0: the coordinate is
+            used as it is.
+        bend: matrix C of the module's docstring, for the parameters of the fit of the walks.
     """
 
     fit: Fit
@@ -123,7 +131,8 @@ class _Space(NamedTuple):
     bend: Array
 
     def of_stage(self) -> Array:
-        """Return the covariance of the stage's coordinates that are sampled too."""
+        """Return the covariance matrix of the sampled coordinates of the stage; shape (0, 0) without a
+        stage."""
         if self.stage is None:
             return np.zeros((0, 0))
         return self.stage.uncertainty.covariance[np.ix_(self.kept, self.kept)]
@@ -142,8 +151,11 @@ def _space(fit: Fit, stage: Fit | None, bend: Array) -> _Space:
 
 
 class _Density:
-    """Posterior density at search points; they are in coordinates that straighten the minimum and are
-    transformed back to q."""
+    """Posterior density as a function of search points, which have coordinates that straighten a curved
+    minimum.
+
+    A call transforms points back to q and simulates all walks at the values there.
+    """
 
     def __init__(
         self, of: _Space, members: SimulatedWalks, variance: float, random: np.random.Generator
@@ -155,7 +167,8 @@ class _Density:
         self.precision, self.unbend = np.linalg.inv(of.of_stage()), np.linalg.inv(of.bend)
 
     def __call__(self, points: Array) -> tuple[Array, Array]:
-        """Return the log density at points, and further drawn values; see `estimate.posterior.Density`."""
+        """Return the log densities [points] at search points [points, searched coordinates], -inf out of
+        bounds, and all coordinates q [points, parameters], with a random draw of delay and offset."""
         of, bends, own = self.of, self.of.power != 0, len(self.of.fit.parameters)
         at, log = np.tile(of.centre, (len(points), 1)), np.full(len(points), -np.inf)
         there = np.all(points[:, bends] > 0.0, axis=1)
@@ -173,7 +186,7 @@ class _Density:
                 at[there, self.channel[name]] = column
                 found = found - log_prior(
                     free[name], column
-                )  # a channel value is drawn together with the point at which the density is evaluated
+                )  # the prior of delay or offset is in `found` already, and is added for all parameters below
         beside = at[there, own:] - of.centre[own:]
         found -= 0.5 * np.einsum("mi,ij,mj->m", beside, self.precision, beside) + stretched.sum(axis=1)
         at[:, :own] = of.centre[:own] + (at[:, :own] - of.centre[:own]) @ self.unbend.T
@@ -184,7 +197,7 @@ class _Density:
 
 
 def _variance(fit: Fit) -> float:
-    """Return the variance of the noise, m^2: the given one, or that of the residuals."""
+    """Return the variance of the position's noise, m^2: the given one, or else the one of the residuals."""
     given = fit.known[0].given if fit.known else None
     if fit.noise_known and given is not None:
         return float(np.mean(np.square(given)))
@@ -192,7 +205,11 @@ def _variance(fit: Fit) -> float:
 
 
 def _start(fit: Fit) -> Array:
-    """Return the covariance of the fit; for coordinates without one, the square of a part of their range."""
+    """Return the covariance of the fit's coordinates, limited to a tenth of the range between bounds as
+    standard deviation.
+
+    A coordinate without a finite variance gets a standard deviation of 1 % of its range, uncorrelated.
+    """
     covariance = fit.uncertainty.covariance.copy()
     width = np.array([p.coordinate(p.upper) - p.coordinate(p.lower) for p in fit.parameters])
     lost = ~np.isfinite(np.diag(covariance))
@@ -203,8 +220,12 @@ def _start(fit: Fit) -> Array:
 
 
 def _begin(of: _Space, motions: Sequence[Displacement]) -> Mixture:
-    """Return the proposal distribution of the first round: a mixture about all minima of the fit, in which
-    the values of the stage vary together with the others."""
+    """Return the proposal distribution of the first round: a mixture with one component for each minimum of
+    the fit.
+
+    In each component the friction parameters are correlated with the stage's, as a fit with another stage
+    would give them.
+    """
     fit, stage, bend = of.fit, of.stage, of.bend
     first, size, covariance = fit.coordinates, len(fit.parameters), of.of_stage()
     centres, follows = [first], np.zeros((size, 0))
@@ -230,9 +251,14 @@ def _begin(of: _Space, motions: Sequence[Displacement]) -> Mixture:
 
 
 def curvature_adjustment(fit: Fit, variance: float) -> Array:
-    """Return the matrix C of the module's head, [parameters, parameters]; the identity for white noise.
+    """Return the matrix C of the module's docstring, shape (parameters, parameters); the identity if the fit
+    assumes white noise.
 
-    Coordinates at a bound, or without information in the data, are not changed.
+    Rows and columns of coordinates at a bound, or without information in the data, are those of the identity.
+
+    Args:
+        fit: fit with its Jacobian.
+        variance: variance of the noise, m^2.
     """
     assert fit.jacobian is not None
     bend = np.eye(len(fit.parameters))

@@ -45,14 +45,19 @@ def walk_candidates(
     starts: int = 8,
     stribeck_velocity: float | str = 1e-3,
 ) -> list[Candidate]:
-    """Return a candidate for each friction law, all with the same Coulomb force [N], stiffness [N/m], damping
-    [N s/m] and Stribeck velocity [m/s] as initial values (for a rotary actuator plain numbers, in N m and
-    rad).
+    """Return a candidate for each friction law, all with initial values from the same four numbers.
 
     The candidate whose `model` is None is Pohl's static model. Two laws have a sum of squares with several
-    local minima and are searched from several `starts`. They are the Stribeck curve as a static law (a slip
-    determines little more than one mean force) and Maxwell slip (its vibration continues until an element
-    slips once more or once less).
+    local minima and are searched from several initial guesses. They are the Stribeck curve as a static law (a
+    slip determines little more than one mean force) and Maxwell slip (its vibration continues until an
+    element slips once more or once less).
+
+    Args:
+        coulomb_force: Coulomb friction, N; for a rotary actuator a plain number in N m.
+        sigma_0: stiffness of the contact, N/m (N m/rad).
+        sigma_1: damping of the contact, N s/m (N m s/rad).
+        starts: number of initial guesses for the static Stribeck law; Maxwell slip gets a quarter of them.
+        stribeck_velocity: initial Stribeck velocity, m/s (rad/s).
     """
     f, k = to_si(coulomb_force, "N", "coulomb_force"), to_si(sigma_0, "N/m", "sigma_0")
     sigma_1 = to_si(sigma_1, "N s/m", "sigma_1")
@@ -74,7 +79,8 @@ def walk_candidates(
         Candidate(
             "Stribeck",
             Stribeck(f, 1.1 * f, v_s),
-            # without sigma_2, which has the same effect as a longer fall
+            # sigma_2 is fixed at 0, because viscous friction has the same effect as a larger Stribeck
+            # velocity.
             ("coulomb_force", "stiction_ratio", "stribeck_velocity"),
             {"coulomb_force": (f / 3.0, 3.0 * f), "stribeck_velocity": (0.1 * v_s, 10.0 * v_s)},
             starts,
@@ -83,7 +89,7 @@ def walk_candidates(
         Candidate(
             "ResetIntegrator",
             ResetIntegrator(k, f / k, 0.0, sigma_1),
-            ("sigma_0", "breakaway_deflection", "sigma_2"),  # with sigma_2 to damp the bristle
+            ("sigma_0", "breakaway_deflection", "sigma_2"),  # sigma_2 damps the bristle's vibration
             sigma_2,
         ),
         Candidate("LuGre", LuGre(k, sigma_1, 0.0, f, f), ("sigma_0", "sigma_1", "coulomb_force"), damping),
@@ -108,7 +114,7 @@ def walk_candidates(
                 **{f"strength_{i}": (0.05 * f, f) for i in (1, 2)},
                 "sigma_2": (0.0, 3.0 * sigma_1),
             },
-            -(-starts // 4),  # each evaluation takes ten times as long, so fewer starts
+            -(-starts // 4),  # a quarter of the initial guesses, as an evaluation takes ten times as long
         ),
     ]
 
@@ -125,19 +131,22 @@ def compare_walks(
     progress: Progress = unheard,
     **options: Any,
 ) -> Comparison:
-    """Fit each model to walks of an actuator and judge it on walks that no fit used.
+    """Fit each friction law to walks of an actuator and judge each fit on walks that no fit used.
 
     Args:
         recordings: walks to fit, as for `identify_friction`.
-        verification: walks to judge by, predicted with the fitted values.
+        verification: walks that are not fitted; each fit predicts them.
         model: the actuator; its law is replaced.
         laws: the candidates, from `walk_candidates` or your own.
         channel_free: free parameters of the position channel, the same for all laws.
-        bounds: bounds of parameters that are free in all laws.
-        unseen_drive: waveform of each recording for verification, or one for all, if `drive` is given for the
-            others.
-        progress: called before each law; see `progress`.
+        bounds: bounds by name, in SI or as strings; each fit uses those of its own free parameters.
+        unseen_drive: waveform of each verification recording, or one for all; None: as recorded. It is needed
+            if `drive` is given for the fitted recordings.
+        progress: called before each law with a text and the fraction of laws that is done.
         options: further arguments of `identify_friction`.
+
+    Returns:
+        The fits and the goodness of their predictions, by the label of the law.
 
     Raises:
         RecordingError, QuantityError, FitError: as `identify_friction`.

@@ -1,13 +1,13 @@
-r"""Dependence of parameters on conditions: a test of one common set, and the change of each value.
+r"""Test whether fitted parameters depend on conditions of the experiment, such as voltage or temperature.
 
-Recordings carry the conditions of their experiment: voltage or frequency, or a noted temperature or humidity.
-Recordings with the same condition are fitted together, and then all at once. If one set of values explains
-all, the sum of squares of the common fit exceeds that of separate fits by no more than noise causes:
+Recordings have attributes for these conditions. Recordings with the same condition are fitted together, and
+then all at once. If one set of values explains all, the sum of squares S of the common fit exceeds the sum of
+the separate fits' :math:`S_g` by no more than noise causes. The F-test uses
 
-.. math:: F = \frac{(S - \sum_g S_g) / (k (G - 1))}{\sum_g S_g / (n - k G)}
+.. math:: F = \frac{(S - \sum_g S_g) / (k (G - 1))}{\sum_g S_g / n}
 
-for k values, G conditions and n independent samples. A single value changes with the condition if it scatters
-by more than its uncertainty (Cochran's Q).
+for k values, G conditions and n independent samples, with k (G - 1) and n - k G degrees of freedom. A single
+value changes with the condition if its estimates scatter by more than their uncertainty (Cochran's Q).
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from ..recorded.channels import drives_of, names_of, recordings_of
 from .friction import identify_friction
 from .position_channel import CHANNEL
 
-# Units of usual attributes in SI; others are plain numbers.
+# SI units of common condition attributes; any other attribute is a plain number unless `unit` is given.
 UNITS = {"voltage": "V", "frequency": "Hz", "temperature": "K", "humidity": "", "load": "kg"}
-# Probability below which the report says that conditions matter.
+# Significance level of both tests: with a lower probability of chance, parameters depend on the condition.
 SURE = 0.01
 
 
@@ -46,11 +46,13 @@ class Conditions:
 
     Attributes:
         by: name of the attribute that differs; `unit` is its unit in SI.
-        at: value of the attribute in each condition, ascending.
-        fits: one fit for each condition.
+        at: value of the attribute in each condition, ascending, in SI.
+        fits: one fit for each condition, in the order of `at`.
         together: one fit to all recordings.
-        chance: probability that noise alone makes one common set of values so much worse than separate sets.
-        moving: the same probability for each parameter alone.
+        chance: probability that noise alone makes one common set of values so much worse than separate sets
+            (F-test).
+        moving: for each parameter by name, the probability that noise alone makes its estimates scatter so
+            much (Cochran's Q); NaN if fewer than two fits give it an uncertainty.
     """
 
     by: str
@@ -63,13 +65,17 @@ class Conditions:
 
     @property
     def one_set_explains_all(self) -> bool:
-        """Return True if one set of values may explain all conditions."""
+        """Return True unless the F-test rejects one common set of values for all conditions."""
         return self.chance >= SURE
 
     @property
     def table(self) -> xr.Dataset:
-        """Return value, low, high (of the 95 % interval) and standard_error over "condition" and "parameter",
-        in the parameter's unit; `moves`, the probability in `moving`, over "parameter"."""
+        """Return a dataset of the estimates with dimensions "condition" and "parameter", in the parameters'
+        units.
+
+        Its variables are value, low and high (ends of the 95 % interval) and standard_error; and `moves` over
+        "parameter", the probabilities in `moving`.
+        """
         names = [p.name for p in self.together.shown]
         ends = [fit.confidence_intervals() for fit in self.fits]
         over = ("condition", "parameter")
@@ -86,7 +92,7 @@ class Conditions:
 
     @property
     def statement(self) -> str:
-        """Return the result of the test in one sentence."""
+        """Return the result of the F-test in one sentence, with the names of parameters that change."""
         if self.one_set_explains_all:
             return f"one set of values explains all {self.by} (chance {self.chance:.2g} of more by noise)"
         moves = [name for name, chance in self.moving.items() if chance < SURE]
@@ -96,7 +102,8 @@ class Conditions:
     _repr_html_ = preformatted
 
     def report(self) -> str:
-        """Return a text table with one line for each condition, and the result of the test."""
+        """Return a text table of estimates and 95 % intervals, one line for each condition, and the
+        statement."""
         names = [p.name for p in self.together.shown]
         lines = ["  ".join([f"{self.by:>14}", *(f"{name:>32}" for name in names)])]
         for value, fit in zip(self.at, self.fits, strict=True):
@@ -124,14 +131,15 @@ def identify_conditions(
         recordings: each with an attribute `by` (a number in SI or a text with a unit), or with a variable of
             that name from an experiment file.
         model, free, drive: as for `identify_friction`.
-        by: "voltage", "frequency", "temperature", "humidity", or any other attribute.
-        unit: unit of the attribute in SI; by default that of the names above, or none.
+        by: name of the condition: "voltage", "frequency", "temperature", "humidity", "load", or any other
+            attribute.
+        unit: SI unit of the attribute; by default the usual one of the names above, or none (a plain number).
         options: further arguments of `identify_friction`; here `diagnose` is False by default, because
             changes with the condition are tested first.
 
     Raises:
-        RecordingError: a recording has no such attribute, or all have the same.
-        QuantityError, FitError: see `identify_friction`; or values in different units.
+        RecordingError: a recording has no such attribute, or its value is the same in all recordings.
+        QuantityError, FitError: as for `identify_friction`; or an attribute has another unit than `unit`.
     """
     found, unit = recordings_of(recordings), UNITS.get(by, "") if unit is None else unit
     drives, known = drives_of(drive, found), _values_of(found, by, unit)
@@ -139,7 +147,7 @@ def identify_conditions(
     if len(at) < 2:
         raise RecordingError(f"{by} is {with_prefix(at[0], unit, 4)} in all recordings: nothing differs")
     together = identify_friction(found, model, free, drive=drives, **{"diagnose": False, **options})
-    # All fits need the same free parameters as the common fit; otherwise sums of squares cannot be compared.
+    # Each separate fit needs the free parameters of the common fit, or sums of squares cannot be compared.
     own = [p.name for p in together.parameters if p.name not in free]
     begin = {n: together.values[n] for n in CHANNEL if n in together.values}
     settings = {**options, "channel": (), "begin": begin, "diagnose": False}
@@ -160,7 +168,11 @@ def identify_conditions(
 
 
 def _chance(together: Fit, fits: Sequence[Fit]) -> float:
-    """Return the probability of one common set of values, by the F-test of the module's head."""
+    """Return the p-value of the F-test: the probability that noise alone lowers the sum of squares of
+    separate fits so much.
+
+    It is 1 if there are too few samples for the test or the separate fits leave no residuals.
+    """
     left = sum(fit.cost for fit in fits)
     k = len(together.parameters)
     share = float(np.mean([independent_samples(r) / r.size for fit in fits for r in fit.residuals]))
@@ -173,8 +185,11 @@ def _chance(together: Fit, fits: Sequence[Fit]) -> float:
 
 
 def _moves(fits: Sequence[Fit], name: str) -> float:
-    """Return the probability that a constant value scatters so much between the fits, from its coordinates
-    and variances."""
+    """Return the p-value of Cochran's Q: the probability that the estimates of a constant parameter scatter
+    so much.
+
+    The test uses coordinates q and their variances; it is NaN if fewer than two fits give a finite variance.
+    """
     place = [p.name for p in fits[0].shown].index(name)
     q = np.array([fit.shown[place].coordinate(fit.values[name]) for fit in fits])
     spread = [fit.ties.extended(fit.values, fit.uncertainty).covariance for fit in fits]
@@ -188,7 +203,7 @@ def _moves(fits: Sequence[Fit], name: str) -> float:
 
 
 def _values_of(recordings: Sequence[xr.Dataset], by: str, unit: str) -> list[float]:
-    """Return the value of the attribute of each recording, in SI."""
+    """Return the value of the attribute `by` of each recording, converted to `unit` (SI)."""
     found = []
     for recording, name in zip(recordings, names_of(recordings), strict=True):
         attributes = {**_variables(recording), **recording.attrs}
@@ -200,5 +215,5 @@ def _values_of(recordings: Sequence[xr.Dataset], by: str, unit: str) -> list[flo
 
 
 def _variables(recording: xr.Dataset) -> dict[str, Any]:
-    """Return the variables noted by an experiment file; see `variables_attribute`."""
+    """Return the variables by name that an experiment file stored in a recording (attribute "variables")."""
     return json_attribute(recording.attrs, "variables")

@@ -1,8 +1,9 @@
 """Diagnosis of a fit that does not explain its walks: which term is missing in the model.
 
-Each missing term is first tested by the effect of a small step along it on the simulated motion. The test is
-the reduction of chi-squared with all other parameters free, linearised at the present optimum. One simulation
-with its neighbours serves all terms. The most promising few terms are then fitted.
+Each candidate term (such as viscous friction) is first tested by the effect of a small step of its parameters
+on the simulated motion. The test is the reduction of chi-squared with all other parameters free, linearised
+at the present optimum. One simulation of the model and its perturbed copies serves all terms. The most
+promising terms are then fitted.
 """
 
 from __future__ import annotations
@@ -37,32 +38,35 @@ from .several import from_points
 from .terms import NO_REACTION, REACTION, RIPPLE, STAGE, Term, Way, bounds_about, terms_of
 from .walks import DIFFERENCE_STEP, Walks, own_values
 
-# Number of terms that are fitted even if an earlier one explains the walks, because others may explain them
-# as well.
+# Number of terms that are fitted even if one of them explains the walks already, because other terms may
+# explain them equally well.
 FEWEST_FITTED = 4
 # CPU time [s] after which no further term is fitted.
 SECONDS = 20.0
-# Share of the sum of squares: a term that explains more of correlated residuals is missing, at any noise
-# level.
+# Share of the sum of squares of correlated residuals: a term that explains more is reported as missing even
+# if the noise is unknown.
 MOST = 0.5
-# Largest residual, in tolerances, that errors of simulations may cause; recordings may be simulated too.
+# Largest rms residual, relative to the tolerance of the simulation, that may come from simulation errors
+# alone; correlated residuals below it are not diagnosed.
 SIMULATED = 3.0
-# Evaluations of such a search; it starts near its end.
+# Largest number of evaluations of the fit with a further term; it starts near its minimum.
 EVALUATIONS = 60
-# Difference of chi-squared of two terms, in standard deviations, above which they are distinguished.
+# Difference of chi-squared between two fitted terms, in standard deviations of its noise, above which the
+# recordings prefer one of them.
 DEVIATIONS = 2.0
-# Relative size of the small steps along a term: for models that use the integration steps of the motion
-# itself, and for others.
+# Relative size of the small step along a term if the perturbed models share the integration steps of the
+# motion (`has_slopes`); other models use DIFFERENCE_STEP.
 NEIGHBOUR = 1e-6
 
 Array = NDArray[np.float64]
-# Function that fits walks from distant initial guesses; its arguments are walks, parameters and bounds of new
-# parameters.
+# Type of a function that fits walks from distant initial guesses. It takes the walks, all parameters, and
+# the bounds of the new parameters by name, and returns the fit.
 Afar = Callable[[Walks, list[Parameter], Mapping[str, tuple[float, float]]], Fit]
 
 
 class Scored(NamedTuple):
-    """A missing term, its most promising variant, and the expected reduction of chi-squared."""
+    """A candidate for the missing term: the term, its most promising variant `way`, and the linearised effect
+    `does` of adding the variant (reduction of chi-squared, estimated parameters)."""
 
     term: Term
     way: Way
@@ -70,12 +74,21 @@ class Scored(NamedTuple):
 
     @property
     def start(self) -> Values:
-        """Return the initial guess of a search for the term's parameters."""
+        """Return the initial guess of the term's parameters by name, SI, from the linearised estimate."""
         return self.way.start(self.does.steps)
 
 
 class Tried(NamedTuple):
-    """A term that was fitted: the fit, the `cause` in words, and how the user can add it to the model."""
+    """A missing term that was fitted, and how the user can add it to the model.
+
+    Attributes:
+        cause: the term in words.
+        fit: fit of the walks with the term.
+        bounds: bounds by name that the added parameters need.
+        added: names of the parameters to free.
+        change: fields of the actuator to set instead, by name.
+        untied: names of parameters whose tie must be removed.
+    """
 
     cause: str
     fit: Fit
@@ -86,32 +99,33 @@ class Tried(NamedTuple):
 
     @property
     def explains(self) -> bool:
-        """Return True if no recording shows a lack of fit or, without known noise, correlated residuals."""
+        """Return True if no recording shows a lack of fit and, where the noise is not known, residuals are
+        not correlated."""
         return not lacking(self.fit) and (_judged(self.fit) or not correlated(self.fit))
 
 
 def lacking(fit: Fit) -> bool:
-    """Return True if a recording shows that the model does not explain it."""
+    """Return True if the model leaves more than the noise of at least one recording (lack of fit)."""
     return any(one.seen for one in fit.lack)
 
 
 def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
-    """Return the fit with advice on the missing term, if it does not explain the walks.
+    """Return the fit with advice on the missing term; the fit itself if it explains the walks.
 
-    If the recordings do not show their noise, or the misfit hides in it, a term that explains most of
-    correlated residuals is reported as a doubt.
+    With a lack of fit, the advice is also a remark. If the noise is unknown or larger than the misfit, a term
+    that explains most of the correlated residuals is reported as a doubt.
 
     Args:
         fit: fit of the walks, with its model.
         walks: the fitted walks.
-        reacting: fit of `with_reaction`, if there is one.
-        afar: search of parameters from distant initial guesses.
+        reacting: fit with the reaction of friction on the stage; None: fit it here if the model lacks it.
+        afar: function that fits from distant initial guesses, see `Afar`.
     """
     lacks = lacking(fit)
     if fit.loss != "linear" or not (lacks or (correlated(fit) and fit.rmse > _error_of_simulation(walks))):
         return fit
     if lacks and not any(one.seen for one in lack_beside_faults(fit)):
-        return fit  # the cause is a fault of the instrument, which is already reported
+        return fit  # the lack of fit disappears without instrument faults, which are reported already
     terms = scored(fit, walks)
     if not lacks:
         terms = [one for one in terms if one.does.share > MOST]
@@ -119,7 +133,7 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
             return fit
     advice = _advice(fit, walks, terms, reacting, afar)
     if not advice.explains and any(one.moves > MOVES for one in fit.disturbances):
-        return fit  # the cause is a fault of the instrument, which is reported
+        return fit  # an instrument fault changes the values, and no term explains the walks
     if lacks:
         return replace(fit, advice=advice, remarks=(*fit.remarks, advice.sentence))
     if not advice.explains or advice.after > math.sqrt(1.0 - MOST) * advice.before:
@@ -131,7 +145,8 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
 
 
 def with_advice_of(fit: Fit, other: Fit) -> Fit:
-    """Return the fit with the advice of another fit of the same model, to more walks."""
+    """Return the fit with the advice of `other`, a fit of the same model to more walks, and the sentence on
+    it."""
     advice = other.advice
     if advice is None:
         return fit
@@ -142,17 +157,18 @@ def with_advice_of(fit: Fit, other: Fit) -> Fit:
 
 
 def _judged(fit: Fit) -> bool:
-    """Return True if every recording shows its noise separately."""
+    """Return True if the noise of every recording is known independently of the residuals."""
     return bool(fit.lack) and not any(math.isnan(one.ratio) for one in fit.lack)
 
 
 def _error_of_simulation(walks: Walks) -> float:
-    """Return the residual, in the unit of the positions, that errors of the simulations may leave."""
+    """Return the largest rms residual, in the unit of the positions, that simulation errors alone may
+    cause."""
     return SIMULATED * max(motion.tolerance for motion in walks.motions)
 
 
 def correlated(fit: Fit) -> bool:
-    """Return True if the residuals of a recording are correlated."""
+    """Return True if the residuals are autocorrelated (not white), tested over all recordings."""
     return not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])
 
 
@@ -165,7 +181,7 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
     reacting = reacting or with_reaction(fit, walks, EVALUATIONS)
     if reacting is not None:
         tried.append(Tried(REACTION, walks.completed(reacting), change={"stage_reaction": True}))
-    for search in (None, afar):  # from the present values, then from distant guesses
+    for search in (None, afar):  # None: search from the present values; then from distant initial guesses
         for one in terms if search is None else _from_afar(fit, terms):
             explained = any(other.explains for other in tried)
             if spent() > SECONDS or (explained and (search or len(tried) >= FEWEST_FITTED)):
@@ -183,8 +199,8 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
 
 
 def _without_reaction(fit: Fit, walks: Walks, afar: Afar) -> Fit | None:
-    """Return the fit without the reaction of friction on the stage, from distant guesses. None if the model
-    has no reaction, or cannot be fitted without it."""
+    """Return the fit of the model without the reaction of friction on the stage, from distant initial
+    guesses; None if the model has no reaction, or cannot be fitted without it."""
     model = walks.model
     if not model.stage_reaction or model.static or model.clamped:
         return None
@@ -197,16 +213,16 @@ def _without_reaction(fit: Fit, walks: Walks, afar: Afar) -> Fit | None:
 
 
 def _from_afar(fit: Fit, terms: Sequence[Scored]) -> list[Scored]:
-    """Return the terms that are also searched from distant guesses, because the present minimum may belong to
-    a wrong model."""
+    """Return the terms that are also fitted from distant initial guesses, because the present minimum may
+    belong to a wrong model: all but stage and ripple, and none if the fit has no lack of fit."""
     return [one for one in terms if one.term.cause not in (STAGE, RIPPLE)] if lacking(fit) else []
 
 
 def scored(fit: Fit, walks: Walks) -> list[Scored]:
-    """Return the terms that the model lacks, the most promising first.
+    """Return the terms that the model may lack, by decreasing expected reduction of chi-squared.
 
-    First come those that would lower chi-squared by more than noise does. If the fit may be in a wrong
-    minimum, the others follow.
+    Without a lack of fit, only terms that reduce chi-squared by more than chance are included. With a lack of
+    fit all are, because the fit may be in a wrong minimum. The list is empty if the test cannot be simulated.
     """
     exact = has_slopes(fit.model)
     terms = terms_of(fit, walks, NEIGHBOUR if exact else DIFFERENCE_STEP)
@@ -231,8 +247,8 @@ def scored(fit: Fit, walks: Walks) -> list[Scored]:
 
 
 def _columns(fit: Fit, walks: Walks, beside: Sequence[Values]) -> Array:
-    """Return the changes of all positions, joined, for each changed model in `beside`, shape (samples,
-    models)."""
+    """Return the changes of the simulated positions, in their unit, for each perturbed model, shape (samples
+    of all recordings, models); `beside` contains the changed values by name of each model."""
     delay = fit.values.get("delay", 0.0)
     model = fit.model
     if any(name in NORMAL_FIELDS for values in beside for name in values):
@@ -242,8 +258,11 @@ def _columns(fit: Fit, walks: Walks, beside: Sequence[Values]) -> Array:
 
 
 def _fitted(fit: Fit, walks: Walks, one: Scored, afar: Afar | None) -> Fit | None:
-    """Return the fit with a further term free, from the linearised estimate and from the present values; or
-    from distant guesses with `afar`. None if it cannot be fitted."""
+    """Return the fit with one further term free; None if it cannot be fitted.
+
+    Searches start at the present values and at the linearised estimate or, with `afar`, from distant initial
+    guesses.
+    """
     start = one.start
     bounds = one.term.bounds or bounds_about(one.term, start)
     try:
@@ -267,7 +286,8 @@ def _starts(parameters: Sequence[Parameter]) -> Values:
 
 
 def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
-    """Return the values at the end of a linearised step, within the bounds."""
+    """Return the parameters' values by name after changes `moves` of their coordinates q, limited to the
+    bounds."""
     found = {}
     for p, move in zip(parameters, moves, strict=True):
         value = p.value(p.coordinate(p.start) + move)
@@ -276,7 +296,11 @@ def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
 
 
 def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
-    """Return the advice from the fits of all tried terms."""
+    """Return the advice: the best of the tried terms, and those that explain the walks equally well.
+
+    Terms that explain the walks come first, then the lowest BIC decides. The cause is "" if no term lowers
+    chi-squared clearly. `seconds` is the CPU time spent.
+    """
     names, stopped = tuple(dict.fromkeys(one.cause for one in tried)), seconds > SECONDS
     better = [one for one in tried if _lower(fit, one.fit) > CLEAR]
     explaining = [one for one in better if one.explains]
@@ -294,7 +318,7 @@ def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
 
 
 def _advice_of(fit: Fit, one: Tried) -> Advice:
-    """Return the advice to add one term."""
+    """Return the advice to add the term of one tried fit to the model of `fit`."""
     found = one.fit
     shown = ", ".join(
         f"{p.name} = {p.shown(found.values[p.name], 3)}"
@@ -318,10 +342,10 @@ def _advice_of(fit: Fit, one: Tried) -> Advice:
 
 
 def _told_apart(fit: Fit, other: Fit) -> bool:
-    """Return whether the recordings distinguish two fits.
+    """Return True if the recordings distinguish two fits of different models (Vuong's test).
 
-    Noise changes the difference of their chi-squared by twice the distance of their simulations, one standard
-    deviation (Vuong's test).
+    The standard deviation of the difference of their chi-squared is twice the distance between their
+    simulations, in standard deviations of the noise.
     """
     left = np.concatenate(fit.residuals)
     apart = np.concatenate(other.residuals) - left
@@ -332,18 +356,20 @@ def _told_apart(fit: Fit, other: Fit) -> bool:
 
 
 def _lower(fit: Fit, other: Fit) -> float:
-    """Return the difference of chi-squared between two fits, reduced if the residuals are correlated."""
+    """Return by how much chi-squared is lower in `other` than in `fit`, scaled to the number of independent
+    samples."""
     left = np.concatenate(other.residuals)
     return independent_samples(left) / left.size * difference(fit, other)
 
 
 def _unit(fit: Fit) -> str:
-    """Return the unit of reported residuals; empty for a ratio to the noise."""
+    """Return the unit of the residuals in the advice; "" if they are ratios to the noise (with a lack of
+    fit)."""
     return "" if lacking(fit) else fit.recordings[0].unit
 
 
 def _left(fit: Fit, of: Fit) -> float:
-    """Return the residual of a fit: the largest ratio to its noise, or the rms if another fit shows no
-    noise."""
+    """Return the residual of a fit for the advice: if the original fit `of` has a lack of fit, the largest
+    ratio to the noise (NaN if unknown); otherwise the rms in the unit of the positions."""
     ratios = [one.ratio for one in fit.lack if not math.isnan(one.ratio)]
     return max(ratios, default=math.nan) if lacking(of) else fit.rmse

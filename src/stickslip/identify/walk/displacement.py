@@ -1,6 +1,6 @@
-"""Position of the end-effector at a recording's samples as a function of the actuator, for fits.
+"""Simulation of the end-effector's position at a recording's samples for given actuators, for fits.
 
-The drive is tabulated once and nothing is labelled, so a call costs little more than the solver.
+The drive is tabulated once and results are plain arrays, so a call takes little more time than the solver.
 """
 
 from __future__ import annotations
@@ -29,16 +29,26 @@ from ..recorded.recorded_drive import drive_over
 if TYPE_CHECKING:
     import xarray as xr
 
-# Largest number of integration steps for one recording; only a trial point with a far too stiff contact needs
-# more. Each segment of the drive needs a few steps: the output of an amplifier has a hundred thousand
-# segments per second.
+# Largest number of integration steps for one recording, and additional steps for each segment of the drive,
+# because the output of an amplifier has a hundred thousand segments per second. Only trial points of a fit
+# with a far too stiff contact need more; the simulation is then given up.
 MAX_STEPS, OF_SEGMENT = 200_000, 3
-LOAD = RelativeLoad()
+LOAD = RelativeLoad()  # constant normal force, equal to the reference
 
 
 class Displacement:
-    """Simulated motion from rest at the samples of one recording. It raises ArithmeticError for a model that
-    cannot be simulated."""
+    """Simulation of one recording from rest, for any values of the actuator, at the recording's sample times.
+
+    Methods raise ArithmeticError for a model that cannot be simulated.
+
+    Args:
+        recording: dataset with "time" [s] and, unless `drive` is given, drive_voltage [V].
+        drive: waveform in the time of the recording; None: the recorded drive voltage.
+        name: name of the recording for messages.
+        model: actuator with initial values, for which the drive is checked.
+        tolerance: error tolerance of the position, m.
+        slew_rate: rate at which the amplifier follows jumps of a recorded drive, V/s; None: at once.
+    """
 
     def __init__(
         self,
@@ -62,7 +72,8 @@ class Displacement:
         self._slopes: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
 
     def beginning(self, samples: int, tolerance: float, max_steps: int) -> Displacement:
-        """Return the first samples of the motion, simulated to another tolerance."""
+        """Return the simulation of only the first `samples` samples, with another tolerance [m] and largest
+        number of integration steps."""
         short = copy.copy(self)
         short.time, short.tolerance = self.time[:samples], tolerance
         short.max_steps = max_steps + OF_SEGMENT * int(np.count_nonzero(self.drive.start < short.time[-1]))
@@ -70,17 +81,21 @@ class Displacement:
         return short
 
     def stroke(self, model: Actuator) -> float:
-        """Return the motion of the stage under the drive, m, within the time of the samples."""
+        """Return the quasi-static stroke of the stage, m: gain times the peak-to-peak drive voltage at the
+        samples."""
         return model.gain * float(np.ptp(evaluate(self.drive, self.time)[0]))
 
     def _times(self, delay: float) -> tuple[int, NDArray[np.float64]]:
-        """Return the number of samples before the motion starts, and the model times of the others."""
+        """Return the number of samples up to t = delay, at rest, and the times to simulate, s: 0, then those
+        of all later samples minus the delay."""
         later = self.time - delay > 0.0
         return int(np.count_nonzero(~later)), np.append(0.0, self.time[later] - delay)
 
     def position(self, model: Actuator, delay: float) -> NDArray[np.float64]:
-        """Return the position at the recording's samples, m. The last result is cached, so another offset
-        needs no simulation."""
+        """Return the position at the recording's samples, m, shape (n,), recorded with this delay [s].
+
+        The last result is cached, so the same values with another offset of the channel need no simulation.
+        """
         if self._known[0] != (model, delay):
             early, times = self._times(delay)
             of = LOAD.system(model)
@@ -91,17 +106,17 @@ class Displacement:
             outcome, reached, _, _ = integrate(
                 *(plant, *tables, state, span, self.tolerance, False, self.max_steps, times, samples)
             )
-            if outcome != DONE:  # a fit treats this as a trial point without a model
+            if outcome != DONE:  # a fit rejects trial points that raise ArithmeticError
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
             self._known = ((model, delay), _held(classic(of, samples, self.drive, times)[:, 2], early))
         return self._known[1]
 
     def slopes(self, model: Actuator, delay: float, names: list[str]) -> NDArray[np.float64]:
-        """Return the derivatives of `position` by values of the model, then by the delay, shape (samples,
-        names + 1).
+        """Return the derivatives of `position`, SI, by the named values of the model and, in the last column,
+        by the delay, shape (samples, names + 1).
 
-        The last result is cached together with the position: if the slopes are computed first, the position
-        needs no simulation.
+        The model must have derivatives (`has_slopes`). The last result is cached together with the position:
+        if the slopes are computed first, the position needs no simulation.
         """
         if self._slopes[0] == (model, delay, names):
             return self._slopes[1]
@@ -118,11 +133,11 @@ class Displacement:
         return self._slopes[1]
 
     def beside(self, model: Actuator, delay: float, others: Sequence[Actuator]) -> NDArray[np.float64]:
-        """Return the differences between the positions of other models and the model's, m, shape (samples,
-        others).
+        """Return the positions of other models minus the position of `model`, m, shape (samples, others).
 
-        The others are of the model's kind. If these have derivatives (`has_slopes`), they use the integration
-        steps of its motion and may differ from it by a millionth.
+        The other models have the same laws with slightly different values. If the model has derivatives
+        (`has_slopes`), they use its integration steps, so that relative changes of 1e-6 have an accurate
+        effect.
         """
         if not has_slopes(model):
             own = self.position(model, delay)
@@ -146,13 +161,15 @@ class Displacement:
 
 
 def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:
-    """Return the samples; the first represents those before the motion starts."""
+    """Return the samples with the first one, at rest, repeated for all `early` samples before the motion
+    starts."""
     if early == 1:
         return samples
     return np.concatenate([np.repeat(samples[:1], early, axis=0), samples[1:]])
 
 
 def has_slopes(model: Actuator) -> bool:
-    """Return whether `Displacement.slopes` accepts the model."""
+    """Return True if `Displacement.slopes` accepts the model: a law of one internal state without jumps, on a
+    dynamic stage that is not clamped."""
     smooth = elements(model.friction) == 1 and not has_jumps(model.friction)
     return smooth and not model.static and not model.clamped

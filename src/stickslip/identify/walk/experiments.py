@@ -1,4 +1,4 @@
-"""Expected standard errors of walks that have not been recorded yet."""
+"""Expected standard errors of fits to planned recordings of walks."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ...waveform.signal import Waveform
 from ..free import parameter
 from .displacement import Displacement
 
-# m, of the simulations
+# Error tolerance of the simulated positions, m.
 TOLERANCE = 1e-11
 
 
 @record
 class PlannedWalk(NamedTuple):
-    """A planned experiment: the drive, its duration, the sample rate of the position, the noise of a sample,
-    and the number of repetitions."""
+    """A planned recording of a walk: drive, duration [s], sample rate of the position [Hz], standard
+    deviation of a sample's noise [m], and number of repetitions."""
 
     drive: Waveform
     duration: Annotated[float, Quantity("s", "", "length of the recording", above=0.0)]
@@ -33,13 +33,13 @@ class PlannedWalk(NamedTuple):
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Return the times of the samples, s."""
+        """Return the times of the samples from 0 to the duration, s."""
         asked = f"PlannedWalk of {self.duration:g} s at {self.sample_rate:g} Hz"
         refuse_too_many(self.duration * self.sample_rate, asked)
         return np.arange(round(self.duration * self.sample_rate) + 1) / self.sample_rate
 
     def motion(self, model: Actuator, name: str) -> Displacement:
-        """Return the simulation of the experiment that a fit would use."""
+        """Return the simulation of the planned recording, as a fit would use it; `name` is for messages."""
         blank = make_recording(self.times, {"end_effector_position": np.zeros(self.times.size)}, title=name)
         return Displacement(blank, self.drive, name, model, TOLERANCE)
 
@@ -49,17 +49,17 @@ def expected_errors(
 ) -> xr.Dataset:
     """Return the standard errors that a fit to each experiment would have, from the Fisher information.
 
-    It assumes white noise and values near those of the model; offset and delay of the position are also free,
-    as in practice.
+    They hold for white noise and true values near those of the model. Offset and delay of the position
+    channel are also free, as in practice.
 
     Args:
         model: an actuator with a law of one internal state.
-        free: names of the values to be determined.
-        experiments: candidates by name.
+        free: names of the parameters to be fitted.
+        experiments: planned walks by name.
 
     Returns:
-        Dataset over "experiment" and "parameter"; `standard_error` is relative to the value, and infinite if
-        an experiment does not determine it.
+        Dataset over "experiment" and "parameter"; `standard_error` is relative to the parameter's value, and
+        not finite if an experiment does not determine the parameter.
     """
     values = np.array([parameter(model, name, {}).start for name in free])
     rows = []

@@ -1,9 +1,9 @@
-"""Joint test of one set of values on fitted and unseen walks.
+"""Test whether one set of values explains all walks, those of the fit and further ones.
 
-A wrong law that fits one walk within its noise seldom fits all walks. But an error of the stage is not an
-error of the law, and a stage with free values can hide a wrong law. So all walks are fitted twice: with free
-values of the stage, and with the known stage. Residuals of the first fit test the law. Additional residuals
-of the second, beyond the uncertainty of the stage (linearised), test both.
+A wrong friction law that fits one walk within its noise seldom fits all walks. But an error of the stage is
+not an error of the law, and a stage with free values can hide a wrong law. So all walks are fitted twice:
+with free values of the stage, and with the known stage. Residuals of the first fit test the law. Additional
+residuals of the second fit, beyond the (linearised) uncertainty of the stage, test law and stage together.
 """
 
 from __future__ import annotations
@@ -36,13 +36,20 @@ if TYPE_CHECKING:
     import xarray as xr
 
 TOGETHER = "all walks together"
-# Half-widths of an interval beyond which the value for all walks contradicts the value for some walks.
+# Distance, in half-widths of the interval from a fit to some walks, beyond either end of which the value from
+# all walks contradicts that fit.
 CONTRADICTS = 2.0
 
 
 class Explained(NamedTuple):
-    """Two fits to all walks: with the values of the stage `free`, and with the stage as `known`. `lacks` is
-    the test of each walk, and of all together."""
+    """Two fits to all walks, and their lack-of-fit tests.
+
+    Attributes:
+        free: fit with the stage's values free.
+        known: fit with the stage's values fixed at the known ones.
+        lacks: tests of `free` for each walk, then one of `known` against `free` for all walks together, if
+            the stage has values to free.
+    """
 
     free: Fit
     known: Fit
@@ -50,7 +57,8 @@ class Explained(NamedTuple):
 
     @property
     def lacks_beside_faults(self) -> tuple[Lack, ...]:
-        """Return the same tests after known faults of instruments are removed from the residuals."""
+        """Return the same tests after the effect of instrument faults (such as jumps) is removed from the
+        residuals."""
         found = lack_beside_faults(self.free)
         if len(self.lacks) == len(found) or not self.lacks[-1].seen:
             return (*found, *self.lacks[len(found) :])
@@ -71,22 +79,23 @@ def explained(
     slew_rate: float | None = None,
     **options: Any,
 ) -> Explained:
-    """Fit all walks, starting from a fit to some of them.
+    """Fit all walks with the stage's values free and with the known stage, starting from a fit to some walks.
 
     Args:
-        fit: fit of `identify_friction`.
+        fit: fit of `identify_friction` to some of the walks.
         walks, drives, slew_rate: all walks, and their arguments as for `identify_friction`.
-        free: fitted parameters, and those of the position channel.
-        stage: fit of the model's stage; without it the stage is taken as exact.
-        stages: stages from recordings with parts left out; see `piezo.left_out`.
+        free: names of the fitted parameters, including those of the position channel.
+        stage: fit of the model's stage, for its uncertainty.
+        stages: stages from recordings with parts left out (see `piezo.left_out`); their scatter is an
+            uncertainty too. With neither, the stage is taken as exact.
         options: further arguments of `identify_friction`.
     """
     begin = {name: fit.values[name] for name in CHANNEL if name in fit.values}
     free = [*free, *(name for name in begin if name not in free)]
     settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
     settings["diagnose"] = False
-    # Only residuals are compared, so a tenth of a standard error (a hundredth of chi-squared) is accurate
-    # enough.
+    # Only residuals are compared, so a search may end within a tenth of a standard error of the minimum,
+    # which changes chi-squared by a hundredth.
     settings |= {"averaged": False, "settled": NEAR, "slew_rate": slew_rate, "tied": fit.tied, **options}
     more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
@@ -117,8 +126,11 @@ def explained(
 
 
 def contradicted(fit: Fit, everything: Explained) -> tuple[str, ...]:
-    """Return the names of friction parameters whose intervals are far from the fit to all walks; an empty
-    tuple if the model does not explain all walks."""
+    """Return the names of friction parameters whose values in the fit to all walks are far outside their
+    intervals in `fit`, a fit to some walks.
+
+    The tuple is also empty if the model does not explain all walks.
+    """
     if any(one.seen for one in (*fit.lack, *everything.lacks)):
         return ()
     far = []
@@ -130,12 +142,14 @@ def contradicted(fit: Fit, everything: Explained) -> tuple[str, ...]:
 
 
 def with_minimum_of_all(fit: Fit, there: Fit) -> Fit:
-    """Return a fit to some walks in the minimum of all walks, or with that minimum in its intervals if it
-    fits as well.
+    """Return the fit to some walks, corrected for the minimum that the fit to all walks found.
+
+    If that minimum is clearly lower, return `there`. If it fits as well, return `fit` with intervals that
+    include it. Otherwise return `fit` unchanged.
 
     Args:
-        fit: fit to some walks that `contradicted` rejects.
-        there: fit to the same walks, started at the values of all.
+        fit: fit to some walks, which contradicts the fit to all walks (see `contradicted`).
+        there: fit to the same walks, started at the values of the fit to all walks.
     """
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
     excess, count = (there.cost - fit.cost) / variance, len(fit.parameters)
@@ -153,9 +167,9 @@ def diagnosed_together(
     free: Sequence[str],
     **options: Any,
 ) -> Fit:
-    """Return the fit to all walks, with the stage as it is known, with advice on what the model lacks.
+    """Return the fit to all walks with the known stage, and with advice on a term that the model lacks.
 
-    All walks are needed: one walk may hardly show the missing term, so that another term explains it as well.
+    All walks are needed: if one walk hardly shows the missing term, another term explains that walk as well.
 
     Args:
         found: the fits to all walks.
@@ -171,8 +185,8 @@ def diagnosed_together(
 
 
 def _ahead(fit: Fit, known: Values) -> Values:
-    """Return the linearised values of the other parameters when the `known` ones are fixed; empty if the fit
-    has no derivatives."""
+    """Return the best values, by name, of the other parameters if the `known` parameters are fixed at these
+    values, by linearised least squares; empty if the fit has no finite derivatives."""
     if fit.jacobian is None or not np.all(np.isfinite(fit.jacobian)):
         return {}
     moved = np.array([p.name in known for p in fit.parameters])
@@ -192,18 +206,19 @@ def _allowed(
     stages: Sequence[Actuator],
     noise: float,
 ) -> float:
-    """Return the sum of squares [m^2] that remains if the stage may deviate within its uncertainty."""
+    """Return the residual sum of squares, m^2, of the fit with the known stage after the stage's values adapt
+    within their uncertainty (linearised); `noise` is the standard deviation of the position's noise, m."""
     r = np.concatenate(fit.residuals)
     if fit.jacobian is None or not has_slopes(fit.model) or (stage is None and not stages):
         return float(r @ r)
-    # In standard deviations of the stage's values: a deviation costs as much as one standard deviation of the
-    # noise.
+    # Derivatives of the positions by the stage's values, in standard deviations of these. A change of the
+    # stage by one standard deviation adds as much to chi-squared as one residual of the size of the noise.
     moves = np.zeros((r.size, 0))
     if stage is not None:
         moves = _by_values(fit, walks, drives, slew_rate, stage)
     if stages:
         moves = np.column_stack([moves, spread(list(moved_by(fit, stages, walks, drives, slew_rate).T))])
-    if not np.all(np.isfinite(moves)):  # derivatives fail for such a stiff contact
+    if not np.all(np.isfinite(moves)):  # derivatives fail if the contact is very stiff
         return float(r @ r)
     own = fit.jacobian[:, np.linalg.norm(fit.jacobian, axis=0) > 0.0]
     own = own / np.linalg.norm(own, axis=0)
@@ -221,7 +236,8 @@ def _by_values(
     slew_rate: float | None,
     stage: Fit,
 ) -> np.ndarray:
-    """Return the derivatives of the positions by the stage's values, per standard deviation, shape (samples,
+    """Return the changes of the positions, m, by independent errors of the stage's values of one standard
+    deviation each (columns of the Cholesky factor of their covariance), shape (samples of all walks,
     values)."""
     kept = stage_beside(stage, fit)
     parameters = [stage.parameters[i] for i in kept]

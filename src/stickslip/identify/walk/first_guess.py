@@ -1,17 +1,19 @@
-r"""Starting values for fits of friction, from the sizes of the actuator itself.
+r"""Initial guesses for fits of friction, from stroke, mass and natural frequency of the actuator.
 
 Let A be the stroke of the stage under the drive. Friction moves the end-effector (mass m) along with the slow
-stage and loses it at a jump, where the stage accelerates by up to A omega_n^2: it is below m A omega_n^2, and
-not by many decades. It loses it only if the contact deflects by less than A before it slides. And the
-contact, a spring and a damper between the masses, is neither undamped nor rigid:
+stage. At a jump of the drive the stage accelerates by up to A omega_n^2, and the contact slips. So the
+Coulomb force F_C is below m A omega_n^2, but not by many decades. The contact slips only if its deflection
+before sliding is below A. And the contact, a spring and a damper between the masses, is neither undamped nor
+rigid:
 
 .. math::
 
     F_C < m A \omega_n^2, \qquad F_C / \sigma_0 < A, \qquad
     \zeta_c = \frac{\sigma_1}{2 \sqrt{\sigma_0 m}} \sim 10^{-2} \ldots 10^{0}
 
-So three decades of force and of deflection hold the truth, wherever the user starts. They are filled with
-points, with a damping in the middle, which shows least; the first periods of a recording choose among them.
+So the true values are within three decades of force and of deflection, wherever the user starts. Points fill
+this range, all with the damping ratio 0.1, because the damping has the least effect. The residuals in the
+first periods of a recording select the best points.
 """
 
 from __future__ import annotations
@@ -33,27 +35,37 @@ from ..recorded.drives import periodic_part
 from .position_channel import CHANNEL
 
 NAMES = ("coulomb_force", "sigma_0", "sigma_1")
-# Ranges of force and deflection, relative to the largest force and the stroke; and the damping ratio of the
-# contact.
+# Ranges of initial guesses: Coulomb force relative to m A omega_n^2, deflection before sliding relative to
+# the
+# stroke A; and the damping ratio of the contact.
 FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
-# number of periods that are used, and the fewest samples in them; otherwise all samples are used
+# Number of drive periods that are used for initial guesses. If they have at most FEWEST samples, the whole
+# recording is used.
 PERIODS, FEWEST = 3, 30
 # Bounds closer to the estimate than this factor are treated as defaults, not as the user's choice.
 NEAR = 3.0
-# Number of points that are tried, number of these that are refined, and evaluations for each refinement.
+# Number of points that are simulated, number of the best that are refined by a short search, and largest
+# number of evaluations of such a search.
 TRIED, LOOKED_AT, LOOK = 64, 20, 6
-LOOKED_AT_THERE = 2  # number of refined points in each part of the range, if it is divided
-# Number of initial guesses, and the factor by which their values must differ.
+LOOKED_AT_THERE = 2  # number of refined points in each part of the range, if the range is divided
+# Largest number of initial guesses if the range is not divided, and the factor by which a value of two
+# guesses must differ.
 BEGINS, APART = 6, 1.25
 
 Array = NDArray[np.float64]
 
 
 def plausible(model: Actuator, stroke: float) -> Callable[[Array], dict[str, Array]]:
-    """Return a function that gives values of the law, by name, [n] each in SI, for points [n, 2] of the unit
-    square; `stroke` is A in m.
+    """Return a function that maps points of the unit square, shape (n, 2), to plausible values of the
+    friction law.
 
-    Values that the law lacks are left out; the stiffness is the ratio of force to deflection.
+    The two coordinates are the logarithms of Coulomb force and deflection within their ranges; the stiffness
+    is the ratio of force to deflection. The function returns arrays [n] in SI by name; parameters that the
+    law lacks are left out.
+
+    Args:
+        model: the actuator, for its law, mass and natural frequency.
+        stroke: stroke A of the stage under the drive, m.
     """
     law, mass = model.friction, model.end_effector_mass
     greatest = mass * stroke * model.natural_frequency**2
@@ -76,7 +88,13 @@ def plausible(model: Actuator, stroke: float) -> Callable[[Array], dict[str, Arr
 
 
 def early_samples(time: Array, drive: Waveform) -> int:
-    """Return the number of samples in the first periods, or of all samples without periods."""
+    """Return the number of samples up to the end of the first `PERIODS` periods; of all samples if the drive
+    has no periods or these contain too few samples.
+
+    Args:
+        time: sample times, s.
+        drive: waveform of the drive.
+    """
     begin, periodic = periodic_part(drive)
     if periodic is None:
         return time.size
@@ -95,22 +113,26 @@ def first_guess(
     beside: Sequence[Parameter] = (),
     parts: int = 1,
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return the parameters with wide enough bounds, and initial guesses.
-
-    The first guess fits a short part of a recording best; other local minima follow, at most `BEGINS` in all.
+    """Find initial guesses of friction parameters by simulations of a part of one recording.
 
     Args:
-        residuals: function for the residuals of this part, with the measured positions.
-        time: times of its samples, s.
-        jacobian: derivatives of the residuals, as `fit_least_squares` takes them.
+        residuals: residual function of this part, with its measured positions.
+        time: times of the samples of this part, s.
+        jacobian: function for the derivatives of the residuals, as `fit_least_squares` takes it; None:
+            numerical.
         parameters: parameters with the user's initial guess, which is tried too.
         model: the actuator.
         stroke: stroke of the stage under the drive, m.
-        given: parameters with the user's bounds; the other bounds are widened to all plausible values.
+        given: names with the user's bounds; the other bounds are widened to all plausible values.
         beside: parameters that are fixed, or tied to the free ones.
-        parts: number of parts of the ranges of forces and deflections; with more than one, a start in each
-            pair. The best points may all be of one kind, such as a slider that follows its stage with a
-            delay.
+        parts: number of parts into which the ranges of forces and deflections are divided. With more than
+            one, each pair of parts gives a guess, because the best points may all be of one kind, such as a
+            slider that follows its stage with a delay.
+
+    Returns:
+        The parameters with wider bounds, and initial guesses by name, the best first: at most `BEGINS` in
+            different local minima or, with several parts, at most one for each pair. Without a friction
+            parameter to fit, the user's bounds and initial guess are returned unchanged.
     """
     names = [p.name for p in parameters if p.name in NAMES]
     if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
@@ -132,7 +154,8 @@ def first_guess(
     at = [p for p in parameters if p.name in CHANNEL]
 
     def cost(point: Values) -> tuple[float, Values]:
-        """Return the mean square of the residuals at the best delay and offset, and the point with these."""
+        """Return the mean square of the residuals after a linear correction by delay and offset, if these are
+        free, and the point with the corrected values; infinity if the point cannot be simulated."""
         try:
             r = np.asarray(residuals.function(point), dtype=float)
         except (ValueError, ArithmeticError):
@@ -149,7 +172,7 @@ def first_guess(
 
     def with_slopes(values: Values) -> ArrayLike:
         if jacobian is not None:
-            jacobian(values)  # position and slopes come from the same simulation
+            jacobian(values)  # computes and caches the position, so the residuals need no simulation
         return residuals.function(values)
 
     def look(point: Values) -> tuple[float, Values]:
@@ -180,15 +203,23 @@ def first_guess(
 
 
 def far(one: Values, other: Values, names: Sequence[str]) -> bool:
-    """Return whether two points are in different local minima, judged by a short search."""
-    ends = [sorted((abs(one[name]), abs(other[name]))) for name in names]  # one value may be 0, at its bound
+    """Return True if at least one named value of two points differs by more than the factor `APART`.
+
+    Points at the ends of short searches are then taken to be in different local minima.
+    """
+    ends = [sorted((abs(one[name]), abs(other[name]))) for name in names]  # a value at its bound may be 0
     return any(high > APART * low for low, high in ends)
 
 
 def beside(parameters: Sequence[Parameter], values: Values, given: Container[str] = ()) -> list[Parameter]:
-    """Return the parameters at the end of a search within wide bounds, with their own bounds again.
+    """Return the parameters with their original bounds, starting at the end of a search within wide bounds.
 
-    Default bounds are widened if a value is beyond or near them.
+    Default bounds are moved outwards if a value is beyond or near them.
+
+    Args:
+        parameters: parameters with original bounds.
+        values: end of the search, by name.
+        given: names with the user's bounds, which stay.
     """
 
     def at(p: Parameter) -> Parameter:

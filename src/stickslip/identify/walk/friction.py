@@ -55,7 +55,8 @@ from .reaction import with_reaction, with_reaction_asked
 from .several import from_points, straightened
 from .walks import SETTLED, Walks, own_values
 
-# Noise, in converter steps, above which the rounding error is white and negligible.
+# Rms residual, in converter steps, from which the rounding error acts like white noise and is left out of the
+# uncertainty.
 DITHERED = 10.0
 
 
@@ -93,9 +94,9 @@ def identify_friction(
     Every recording is simulated from rest, so its first sample must be at rest.
 
     If the recordings hardly determine one value of the actuator, and derivatives exist, the result is
-    averaged over all plausible values of it, and the intervals of the others include them
-    (see `marginal`). If the model leaves out that friction acts back on the stage, `failures` or `remarks`
-    report whether the recordings contradict that (see `reaction`).
+    averaged over all plausible values of this parameter, and the intervals of the other parameters allow for
+    them (see `marginal`). If the model leaves out that friction acts back on the stage, `failures` or
+    `remarks` report whether the recordings contradict that (see `reaction`).
 
     Args:
         recordings: with end_effector_position [m]; or [rad], for a rotary actuator: then forces in the model
@@ -104,8 +105,11 @@ def identify_friction(
             describes the recordings no worse than they do.
         free: parameters to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
             second element) and of the actuator ("end_effector_mass", "gain", ...); "stiction_ratio" (stiction
-            over Coulomb friction) and "breakaway_share" (of the Coulomb deflection), which are bounded where
-            the fields themselves are not; and of the position channel, one for all recordings, "delay" [s]
+            over Coulomb friction) and "breakaway_share" (breakaway deflection over Coulomb force / sigma_0),
+            whose
+            bounds are numbers while those of the fields depend on each other; and of the position channel,
+            one for
+            all recordings, "delay" [s]
             and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio. Each is a
             name, or a `Parameter` with its initial value, bounds and prior in SI, fixed or tied, for example
             from another fit (``fit.parameters``).
@@ -134,7 +138,7 @@ def identify_friction(
             other local minimum; the reaction on the stage is then not tested.
         seed: seed of the further initial guesses.
         tolerance: m, of the simulation; by default 1e-10 for a law of one internal state, whose derivatives
-            are those of `sensitivities`. For the others they are differences over half a percent of a
+            are those of `sensitivities`. For other laws the derivatives are differences over 0.05 % of a
             parameter, so the tolerance must be far below their effect (for a weakly determined parameter some
             pm in steps of micrometres): 1e-12.
         correlated: True: the uncertainty allows for any residuals correlated in time. By default, if the
@@ -249,8 +253,8 @@ def identify_friction(
 def _noise(
     noise: float | str | xr.Dataset | None, found: Sequence[xr.Dataset]
 ) -> tuple[str, float | None, float]:
-    """Return the unit of the positions, the standard deviation of their noise if it is given (otherwise
-    None), and the drift at rest."""
+    """Return the unit of the positions ("m" or "rad"), the given standard deviation of their noise (None if
+    not given), and the drift at rest (variance gained per sample; 0 without a recording at rest)."""
     if isinstance(noise, xr.Dataset):
         return unit_of([*found, noise], OBSERVED), None, drift_at_rest(noise, OBSERVED, found)
     unit = unit_of(found, OBSERVED)
@@ -266,7 +270,8 @@ def _parameters(
     along: Coordinate,
     free: Sequence[str],
 ) -> list[Parameter]:
-    """Return the parameters of the actuator and the channel, with bounds and priors."""
+    """Return the `free` parameters of the actuator and the position channel, with bounds and priors; `first`
+    contains the initial delay and offset, `along` converts units for a rotary actuator."""
     own = [
         of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds, along)
         for name in free
@@ -282,7 +287,8 @@ def _check(model: Actuator, free: Sequence[str], bounds: Bounds, priors: Bounds,
 
 
 def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float) -> Fit:
-    """Return the fit with the uncertainty by converter steps, its actuator, and its prediction."""
+    """Return the fit with uncertainty from converter steps added, and with its model, its prediction, remarks
+    and instrument faults."""
     measured = walks.measured
     simulated = np.concatenate(fit.residuals) + np.concatenate(measured)
     known = [
@@ -307,7 +313,8 @@ def _searched(
     hops: int,
     max_evaluations: int,
 ) -> Fit:
-    """Return the best fit of searches from several initial guesses, each continued to its end."""
+    """Return the best fit of searches from the user's initial guess and, with `hops`, from guesses by
+    simulation and at other stiffnesses; `starts` is the number of further guesses that fill the bounds."""
     own, begins = parameters, [{p.name: p.start for p in parameters}]
     walk = longest(walks)
     if hops:
@@ -317,7 +324,7 @@ def _searched(
     if walks.budget.over:
         return fit
     if hops and not (_white(fit) and not any(one.seen for one in fit.lack)):
-        # The start of a walk may not distinguish minima.
+        # The first periods of a walk may not distinguish local minima, so guesses use all samples now.
         parameters, found = guesses(walks, own, bounds, walk.time.size, PARTS)
         fit = lowest([fit, from_points(walks, parameters, found, bounds, max_evaluations)])
     if walks.budget.over:
@@ -333,8 +340,8 @@ def _searched(
 def _near(
     walks: Walks, parameters: Sequence[Parameter], fit: Fit, bounds: Bounds, max_evaluations: int
 ) -> Fit:
-    """Return the best fit of searches from a fit with more parameters, from its other minima, and from the
-    user's initial values."""
+    """Return the best fit of `parameters` by searches from the user's initial values and from the minima of
+    `fit`, a fit with more parameters."""
     given = {p.name: p.start for p in parameters}
     own = [p.starting_at(given[p.name])._replace(power=0) for p in fit.parameters if p.name in given]
     there = [fit.values, *(m.values for m in fit.minima)]
@@ -347,10 +354,11 @@ def _white(fit: Fit) -> bool:
 
 
 def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fit:
-    """Return the fit with a weakly determined value, if there is one, at its mean over all that fit.
+    """Return the fit averaged over the plausible values of the least determined parameter; unchanged if all
+    parameters are well determined.
 
-    If that describes the recordings worse than the user's model, the values stay at the lowest sum of
-    squares, and only the intervals are about the mean.
+    If the averaged values describe the recordings worse than the user's initial values `given`, the values
+    stay at the lowest sum of squares, and only the intervals are about the mean.
     """
     parameters = list(fit.parameters)
     name = loosest(fit, CHANNEL) if has_slopes(walks.model) and walks.loss == "linear" else None

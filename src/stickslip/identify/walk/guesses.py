@@ -16,23 +16,24 @@ from .first_guess import first_guess
 from .several import from_points
 from .walks import Varied, Walks, observed, slopes_of
 
-# Tolerance relative to the stroke, and largest number of integration steps, of simulations for initial
-# guesses.
+# Error tolerance of simulations for initial guesses, relative to the stroke, and their largest number of
+# integration steps.
 GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
-# Number of parts of the range of forces, and of deflections, in each of which a search starts if the fit does
-# not explain its recordings.
+# Number of parts into which the range of forces, and that of deflections, is divided if the fit does not
+# explain its recordings; a search starts in each pair of parts.
 PARTS = 3
 
 
 def longest(walks: Walks) -> Displacement:
-    """Return the walk with the largest motion."""
+    """Return the simulation of the walk with the largest measured peak-to-peak motion."""
     return walks.motions[int(np.argmax([np.ptp(position) for position in walks.measured]))]
 
 
 def guesses(
     walks: Walks, parameters: list[Parameter], bounds: Bounds, samples: int, parts: int = 1
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return starting values by `first_guess`, from the walks cut to `samples` of the longest recording."""
+    """Return parameters with wide bounds, and initial guesses by `first_guess`, from the first `samples`
+    samples of the walk with the largest motion."""
     most = walks.motions.index(longest(walks))
     stroke = max(motion.stroke(walks.model) for motion in walks.motions)
     short = walks.motions[most].beginning(samples, GUESS_TOLERANCE * stroke, GUESS_STEPS)
@@ -50,7 +51,8 @@ def _guessed(
     bounds: Bounds,
     parts: int,
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return starting values as `guesses` does, from one recording or its first samples."""
+    """Return bounds and initial guesses as `guesses` does, from the simulation `short` of one recording's
+    first samples."""
     varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
     residuals = Residuals(
         lambda v: observed(short, varied, v) - position, position, walks.noise, name, walks.unit
@@ -64,8 +66,8 @@ def _guessed(
 
 
 def from_guesses(walks: Walks, parameters: list[Parameter], bounds: Bounds, max_evaluations: int) -> Fit:
-    """Return the fit of searches from the present values and from guesses by a complete walk, without further
-    searches."""
+    """Return the best fit of searches from the present values and from guesses by the whole walk with the
+    largest motion, without searches for other minima."""
     wide, found = guesses(walks, parameters, bounds, longest(walks).time.size, PARTS)
     begins = [{p.name: p.start for p in parameters}, *found]
     return from_points(walks, wide, begins, bounds, max_evaluations)

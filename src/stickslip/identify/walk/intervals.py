@@ -1,4 +1,5 @@
-"""Intervals without linearisation: by profile likelihood, and by bootstrap (resampled residuals)."""
+"""Confidence intervals without linearisation, by profile likelihood and by bootstrap (resampled residuals);
+and linearised prediction bands."""
 
 from __future__ import annotations
 
@@ -22,9 +23,9 @@ from .joint import SAID
 from .position_channel import OBSERVED
 from .prediction import Predictor
 
-# Largest number of refits on either side of the estimate.
+# Largest number of fits with a fixed value on each side of the estimate.
 MOST_STEPS = 10
-# Relative accuracy of the end of an interval, in units of the threshold.
+# Relative accuracy with which the profile meets its threshold at the end of an interval.
 NEAR = 0.03
 
 
@@ -36,26 +37,28 @@ def profile_interval(
     level: float = 0.95,
     **options: Any,
 ) -> tuple[float, float]:
-    """Return the interval of one value by its profile likelihood.
+    """Return the confidence interval of one parameter by its profile likelihood.
 
-    The value is fixed at several points. At each of them all other values are fitted again.
+    The parameter is fixed at several values. At each value all other parameters are fitted again.
 
-    Use it where linearised intervals are wrong, such as when another value is weakly determined (sigma_1 by
-    slow samples), because the curvature at the estimate then says little. Autocorrelated noise counts as in
-    the fit. The threshold comes from Student's t or, if the noise is known, from chi-squared.
+    Use it where linearised intervals are wrong, such as when another parameter is weakly determined (sigma_1
+    by slow samples), because the curvature at the estimate is then not informative. Autocorrelated noise
+    counts as in the fit. The threshold comes from Student's t or, if the noise is known, from the normal
+    distribution.
 
     Args:
         fit: result of `identify_friction`, without a robust loss. Its own parameters, bounds, priors, ties
             and given noise are used, whatever `options` say.
         recordings: recordings of the fit.
-        name: name of the value.
+        name: name of the parameter.
         level: confidence level.
         options: other arguments of `identify_friction` with which the fit was made: drive, and a recording of
             noise.
 
     Returns:
-        Both ends, in the unit of the value, cut at the bounds of the fit, or at the limits of the law if the
-        bounds are only a search range (see `Parameter`). The stage is taken as exact.
+        Lower and upper end, in the unit of the parameter. A profile that does not reach the threshold ends at
+        the bounds of the fit, or at the limits of the law if the bounds are only a search range (see
+        `Parameter`). The stage is taken as exact.
 
     Raises:
         FitError: the fit is not one of an actuator by `identify_friction`, has a robust loss or only one
@@ -72,7 +75,8 @@ def profile_interval(
     place = names.index(name)
     p, settings = fit.parameters[place], _settings(fit, options) | {"averaged": False}
     own = [*fit.parameters, *fit.beside]
-    # The lowest sum of squares: a weakly determined value is given at its mean.
+    # The profile needs the lowest sum of squares, but the fit gives a weakly determined parameter at its
+    # mean.
     coloured = None if fit.correlated and not fit.noise_known else fit.correlated
     best = _again(fit, recordings, own, fit.values, settings | {"correlated": coloured})
     t = quantiles.reach(level, None if fit.noise_known else fit.degrees_of_freedom)
@@ -104,8 +108,8 @@ def profile_interval(
 
 
 def refuse_joint(fit: Fit, what: str) -> None:
-    """Raise FitError for a joint fit of friction and stage, which does not contain the prior of the stage;
-    `what` names the calculation."""
+    """Raise FitError for a joint fit of friction and stage, because it does not store the stage's prior,
+    which a repeated fit needs; `what` names the calculation in the message."""
     if SAID in fit.remarks:
         raise FitError(
             f"{what} of a fit of friction and stage at once does not know the covariance of the stage: ask "
@@ -114,8 +118,21 @@ def refuse_joint(fit: Fit, what: str) -> None:
 
 
 def _end(q: float, side: float, reach: float, bound: float, t: float, distance: Any, fit: Fit) -> float:
-    """Return the coordinate at which the profile crosses t on one side, by secants, because the distance is
-    nearly linear."""
+    """Return the coordinate q at which the profile's distance reaches the threshold `t` on one side of the
+    estimate; `bound` if it does not.
+
+    Secants find it in few fits, because the distance is nearly linear.
+
+    Args:
+        q: coordinate of the estimate.
+        side: -1 or 1: the lower or the upper end.
+        reach: standard deviation of the coordinate, for the first point.
+        bound: coordinate of the bound on this side.
+        t: threshold, in standard errors.
+        distance: function of the coordinate and a fit (initial guess), which returns the distance in standard
+            errors and the new fit.
+        fit: best fit.
+    """
     inner, d_inner, outer, d_outer = q, 0.0, math.nan, math.nan
     at, begin = q + side * t * reach, fit
     for _ in range(MOST_STEPS):
@@ -140,7 +157,8 @@ def _end(q: float, side: float, reach: float, bound: float, t: float, distance: 
 def _again(
     fit: Fit, recordings: Any, parameters: Sequence[Parameter], begin: Values, settings: dict[str, Any]
 ) -> Fit:
-    """Return a fit to the recordings with these parameters, from these initial values."""
+    """Return a new fit of `parameters` to the recordings, from the initial values `begin`, with the model of
+    `fit`."""
     if not isinstance(fit.model, Actuator):
         raise FitError("profile and bootstrap need the fit of an actuator by identify_friction")
     free = [p if p.fixed or p.tied else p.starting_at(begin[p.name]) for p in parameters]
@@ -148,8 +166,8 @@ def _again(
 
 
 def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of `identify_friction` for another fit: those that the fit contains, else the
-    options."""
+    """Return the arguments of `identify_friction` to repeat a fit: those stored in the fit replace those in
+    `options`."""
     if fit.noise_known and not fit.noise:
         raise FitError("the fit does not say what noise it was given: make it again")
     predictor, told = getattr(fit.predict, "__self__", None), options.get("noise")
@@ -165,23 +183,24 @@ def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
 def bootstrap(
     fit: Fit, recordings: xr.Dataset | Sequence[xr.Dataset], n: int = 100, *, seed: int = 0, **options: Any
 ) -> xr.Dataset:
-    """Return values of fits to simulated recordings: the model plus residuals resampled in blocks, which
-    keeps their autocorrelation.
+    """Return the parameters of fits to synthetic recordings (residual bootstrap).
 
-    A given noise that does not count as correlated is used for the resampled residuals too. A prior is
+    A synthetic recording is the model plus residuals resampled in blocks, which keeps their autocorrelation.
+    If the noise was given and is white, the residuals are scaled to its standard deviation. A prior is
     treated as a measurement: its centre is drawn again about the estimate with the prior's deviation
-    [bardsley2014]. With a fixed centre, values would scatter less than their standard errors say.
+    [bardsley2014]. With a fixed centre, values would scatter less than their standard errors.
 
     Args:
-        fit: fit of `identify_friction`. Its own parameters, bounds, priors, ties,
-            loss and given noise are used, whatever `options` say.
+        fit: fit of `identify_friction`. Its own parameters, bounds, priors, ties, loss and given noise are
+            used, whatever `options` say.
         recordings: recordings of the fit.
         n: number of resampled fits.
         seed: seed of the resampling.
         options: other arguments of the fit: drive.
 
     Returns:
-        Dataset over "sample" with one variable for each value, in its unit; its quantiles are the intervals.
+        Dataset over "sample" with one variable for each parameter, in its unit; its quantiles are the
+        intervals.
 
     Raises:
         FitError: the fit is not one of an actuator by `identify_friction`, or cannot be made again.
@@ -209,8 +228,8 @@ def bootstrap(
 
 
 def _drawn(p: Parameter, value: float, random: np.random.Generator) -> Parameter:
-    """Return the parameter with the centre of its prior, if any, drawn at random about a value, within the
-    bounds."""
+    """Return the parameter with the centre of its prior drawn at random about `value`, within its limits;
+    unchanged without a prior."""
     if p.prior is None:
         return p
     spread = p.expected[1]
@@ -219,7 +238,8 @@ def _drawn(p: Parameter, value: float, random: np.random.Generator) -> Parameter
 
 
 def _resampled(r: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
-    """Return residuals resampled in random blocks of length n^(1/3), the usual rule."""
+    """Return n residuals put together from randomly chosen blocks of the residuals r [n]; the block length is
+    n^(1/3), a usual rule, and at least 2."""
     length = max(2, round(r.size ** (1 / 3)))
     begins = random.integers(0, r.size - length, -(-r.size // length))
     return np.concatenate([r[b : b + length] for b in begins])[: r.size]
@@ -233,10 +253,11 @@ def prediction_band(
 
     Args:
         fit: fit whose covariance is used.
-        slopes: derivatives of the prediction by the coordinates q of the fit, shape (n, k); for its own
-            recordings, `fit.jacobian`.
+        slopes: derivatives of the prediction by the coordinates q of the fit, shape (n, k); for the
+            recordings of the fit, `fit.jacobian`.
         level: confidence level.
-        observation: the band of a single noisy sample, instead of the band of the curve.
+        observation: True: the band contains a single noisy sample; False: it contains the curve without
+            noise.
     """
     free = np.flatnonzero(fit.uncertainty.bounded == 0)
     covariance = fit.uncertainty.covariance[np.ix_(free, free)]

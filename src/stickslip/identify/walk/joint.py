@@ -8,14 +8,16 @@ own fit, and the fit minimises
 
 .. math:: r^T \Sigma^{-1} r + (q - q_0)^T V^{-1} (q - q_0), \qquad \Sigma = \sigma^2 \, (1 + \rho L L^T)
 
-with residuals r, white noise and a random walk (L sums over time), both estimated from the residuals. Samples
-that clock jitter affects have less weight. The covariance of the estimate allows for further memory of the
-noise, as in fits of steps and of walks alone (see `coloured`).
+with residuals r, their white noise of variance :math:`\sigma^2`, and a random walk (L sums over time) that
+gains the variance :math:`\rho \sigma^2` per sample, both estimated from the residuals. V is the covariance of
+the stage's values, q_0 their estimate. Samples that clock jitter affects have less weight. The covariance of
+the estimate allows for further correlation of the noise in time, as in fits of steps and of walks alone (see
+`coloured`).
 
 There are many minima. The vibration of the contact between jumps is nearly the same at other stiffnesses. If
-it is hardly damped, one of these stiffnesses can explain noise better than the true value, like the highest
-of many lines of a periodogram. Therefore searches start at several stiffnesses, and the intervals include
-every minimum that the noise does not reject.
+the vibration is hardly damped, one of these stiffnesses can describe the noise better than the true value,
+like the highest of many lines of a periodogram. Therefore searches start at several stiffnesses, and the
+intervals include every minimum that the noise does not reject.
 """
 
 from __future__ import annotations
@@ -59,21 +61,22 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-10  # m
-# Range of the search for a stage's value, in standard deviations of its prior.
+TOLERANCE = 1e-10  # error tolerance of the simulated positions, m
+# Range of the search for a stage's value on either side of its estimate, in standard deviations of its prior.
 WIDE = 6.0
-MOST_EVALUATIONS = 200
-# Factors of the contact's stiffness at which further searches start. Nearly all searches end within the given
-# evaluations.
+MOST_EVALUATIONS = 200  # of one search
+# The stiffness of the contact, factors of its estimate at which further searches start, and largest number of
+# evaluations of such a search, which nearly all of them do not reach.
 STIFFNESS, SPREAD, OF_SPREAD = "sigma_0", (0.125, 0.25, 0.5, 0.7, 0.9, 1.1, 1.4, 2.0, 4.0), 80
 SAID = "the values of the stage are free too, with what is known of them; drift counts as noise"
 
 
 class Weight(NamedTuple):
-    """Noise model of a channel.
+    """Noise model of a channel: white noise plus a random walk (drift).
 
-    Fields: `level`, standard deviation of its white part, in the unit of the data; and the variance that its
-    random walk gains per sample, relative to the squared level.
+    Attributes:
+        level: standard deviation of the white noise, in the unit of the data.
+        walk: variance that the random walk gains per sample, relative to `level` squared.
     """
 
     level: float
@@ -81,20 +84,23 @@ class Weight(NamedTuple):
 
     @classmethod
     def of(cls, residuals: Sequence[Array], drift: float) -> Weight:
-        """Return the noise model that residuals show, with at least this drift (variance per sample)."""
+        """Return the noise model estimated from the residuals of all recordings; `drift` is the smallest
+        variance that the random walk gains per sample, in the unit of the data squared."""
         level, walk = white_and_walk(residuals)
         return cls(level, max(walk, drift / level**2))
 
     def whitened(self, rows: Array) -> Array:
-        """Return rows [n] or [n, k] transformed so that this noise becomes white with the standard deviation
-        `level`."""
-        # The first value and the differences have a tridiagonal covariance.
+        """Return samples [n], or columns of samples [n, k], transformed so that noise of this model becomes
+        white with the standard deviation `level`."""
+        # With white noise of variance 1, the first sample and the differences of neighbouring samples have
+        # this
+        # tridiagonal covariance; its Cholesky factor whitens them.
         band = np.full((2, len(rows)), -1.0)
         band[0] = 2.0 + self.walk
         band[0, 0] = 1.0
         root = scipy.linalg.cholesky_banded(band, lower=True)
         differences = np.concatenate([rows[:1], np.diff(rows, axis=0)])
-        # NaN is kept: it marks points without a model or a derivative.
+        # `check_finite=False` keeps NaN, which marks points without a model or a derivative.
         return scipy.linalg.solve_banded((1, 0), root, differences, check_finite=False)
 
 
@@ -113,12 +119,12 @@ def jointly(
         fit: fit of `identify_friction` with this stage fixed; its law must have derivatives.
         recordings, drives, slew_rate: arguments of the fit.
         stage: fit of the stage.
-        start: actuator with the friction of a further initial guess.
-        hops: as for `identify_friction`.
+        start: actuator whose friction is a further initial guess.
+        hops: number of attempts to find other local minima, as for `identify_friction`.
 
     Returns:
-        The fit including the stage's values. Its residuals are positions, m; its
-        uncertainty comes from weighted least squares.
+        The fit with the stage's values among its parameters. Its residuals are unweighted, m; its uncertainty
+        comes from weighted least squares.
 
     Raises:
         FitError: see `fit_least_squares`.
@@ -151,12 +157,14 @@ def jointly(
 
 
 def _spread(near: Values) -> list[Values]:
-    """Return initial guesses with a softer and a stiffer contact."""
+    """Return copies of the values `near` with a softer or stiffer contact, one for each factor in
+    `SPREAD`."""
     return [{**near, STIFFNESS: near[STIFFNESS] * by} for by in SPREAD]
 
 
 class _Known(NamedTuple):
-    """Prior of a stage. Fields: its parameters, the fit that gave them, and their indices in that fit."""
+    """Prior of the stage's values: their parameters `own`, the `fit` that gave them, and their indices
+    `places` in that fit."""
 
     own: list[Parameter]
     fit: Fit
@@ -176,7 +184,8 @@ class _Known(NamedTuple):
         return np.asarray(np.linalg.cholesky(np.linalg.inv(covariance)).T, dtype=np.float64)
 
     def parameters(self) -> list[Parameter]:
-        """Return the stage's parameters as free ones, within `WIDE` standard deviations of the prior."""
+        """Return the stage's parameters, free, with bounds at `WIDE` standard deviations on either side of
+        their estimates."""
         made = []
         for p, place in zip(self.own, self.places, strict=True):
             q = p.coordinate(self.fit.values[p.name])
@@ -197,7 +206,7 @@ class _Known(NamedTuple):
 
 
 class _Weighted:
-    """Least-squares problem of walks together with the prior of the stage."""
+    """Weighted least-squares problem of all walks together with the prior of the stage."""
 
     def __init__(
         self,
@@ -215,13 +224,13 @@ class _Weighted:
         self.varied, self.exchangeable = Varied(fit.model, Ties([*parameters, *fit.beside])), fit.exchangeable
 
     def left(self, values: Values) -> list[Array]:
-        """Return the residuals, model minus measured, m, for each recording."""
+        """Return the unweighted residuals, model minus measured, m, one array for each recording."""
         return [
             observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
         ]
 
     def narrowed(self, left: Sequence[Array]) -> list[Array]:
-        """Return residuals with uniform noise: samples with clock jitter are scaled down."""
+        """Return the residuals with samples of clock jitter scaled down, so that the noise is uniform."""
         return [one.narrowed(r) for one, r in zip(self.jitter, left, strict=True)]
 
     def problem(self, parameters: Sequence[Parameter]) -> Problem:
@@ -269,14 +278,15 @@ class _Weighted:
         return fit_least_squares(self.problem(parameters), hops=hops, settled=SETTLED, max_evaluations=most)
 
     def lowest(self, begins: Sequence[Values], hops: int) -> Fit:
-        """Return the best fit of searches from all points, with hops to other minima from the best end. The
-        first point must have a model.
+        """Return the best fit of searches from all initial guesses, continued with `hops` attempts to leave
+        its minimum.
 
-        Short searches are cheap compared with hops, which find minima that no point leads to.
+        The model must be able to simulate the first guess; others that fail are skipped. Short searches from
+        many guesses are cheap; hops are expensive, but find minima that no guess leads to.
         """
         ends = [self.search(begins[0])]
         for begin in begins[1:]:
-            with suppress(FitError):  # this point has no model
+            with suppress(FitError):  # the model cannot be simulated at this initial guess
                 ends.append(self.search(begin, most=OF_SPREAD))
         found = lowest(ends)
         if hops or not found.converged:
@@ -284,27 +294,33 @@ class _Weighted:
         return self.with_whole(self.with_noise(found))
 
     def with_whole(self, found: Fit) -> Fit:
-        """Return the fit with those minima whose friction values, taken together, the noise does not reject.
+        """Return the fit with only those minima that the noise does not reject, tested for all friction
+        values together.
 
-        Channel and stage are not compared, because they adapt to each minimum.
+        Values of channel and stage do not count as parameters of this test, because they adapt to each
+        minimum.
         """
         most = bound(sum(p.name not in (*CHANNEL, *self.known.values) for p in self.parameters))
         return replace(found, minima=tuple(m._replace(whole=True) for m in found.minima if m.excess <= most))
 
     def with_noise(self, found: Fit) -> Fit:
-        """Return the fit with the further uncertainty by memory of the noise that the weights do not
-        remove."""
+        """Return the fit with additional uncertainty from correlation of the noise that remains in the
+        weighted residuals."""
         return with_coloured_noise(found, coloured(found.residuals[:-1], walks=True), known=1)
 
     def weighed(self, left: Sequence[Array], drift: float) -> _Weighted:
-        """Return the same problem with the weights that its residuals and a drift give."""
+        """Return the same problem weighted by the noise of the residuals `left`, with at least this drift,
+        m^2 per sample."""
         other = copy(self)
         other.weight = Weight.of(left, drift)
         return other
 
     def hold(self, name: str, value: float, begin: Values) -> tuple[Fit, Fit]:
-        """Return the fit of all other parameters with one value fixed, without and with the uncertainty by
-        noise."""
+        """Return the fit of all other parameters with the named one fixed at `value`, twice.
+
+        `integrated` expects fits without and with the uncertainty of known values. Here the stage's values
+        are fitted, so both are the same.
+        """
         held = [
             p._replace(start=value, fixed=True) if p.name == name else p.starting_at(begin[p.name])
             for p in self.parameters
@@ -314,8 +330,8 @@ class _Weighted:
         return alone, alone
 
     def by_known(self, fit: Fit) -> ByKnown:
-        """Return the derivatives for `with_scales`; the stage's values, which are free here, change as its
-        own fit says."""
+        """Return the derivatives of the positions for `with_scales`: by the logarithm of the drive's scale,
+        and zero by the stage's values, which this fit contains as parameters."""
         assert fit.jacobian is not None
         values = self.known.values
         gain = (
@@ -324,8 +340,8 @@ class _Weighted:
         return ByKnown({DRIVE: gain}, dict.fromkeys(values, np.zeros(len(fit.jacobian))))
 
     def told(self, found: Fit, before: Fit, slew_rate: float | None) -> Fit:
-        """Return a fit with the result `found`, whose residuals and goodness are those of the positions, as
-        in the fit `before`."""
+        """Return the weighted fit `found` as a fit of the positions: with unweighted residuals and goodness
+        of fit [m], and all else from the fit `before`."""
         left = self.left(found.values)
         by = slopes_of(self.motions, self.varied, [p.name for p in self.parameters])(found.values)
         model = with_values(before.model, own_values(found.values))

@@ -1,10 +1,10 @@
 r"""Likelihood of recordings for many simulated actuators at once, with delay and offset integrated out.
 
-A recording shows the position with a delay and an offset. Residuals at a few delays come from one simulation
-and are interpolated by splines. So the sum of squares at any delay :math:`\delta` and offset o is :math:`w^T
-M w + 2 o\, w^T s + n o^2`, with the products M and the sums s of residuals at those delays and the spline's
-weights :math:`w(\delta)`. The integral over o is that of a normal distribution; the one over :math:`\delta`
-is summed on a grid.
+A recording contains the position with a delay and an offset. One simulation gives the residuals at a few
+delays (nodes), and splines interpolate between these. So the sum of squares at any delay :math:`\delta` and
+offset o is :math:`w^T M w + 2 o\, w^T s + n o^2`. M contains the scalar products of the residuals at each two
+nodes, s their sums over the n samples, and :math:`w(\delta)` the weights of the spline. The integral over o
+is a Gaussian integral in closed form; the integral over :math:`\delta` is a sum on a grid.
 """
 
 from __future__ import annotations
@@ -25,24 +25,25 @@ from ...waveform.drive import Drive
 from .displacement import MAX_STEPS, Displacement
 from .position_channel import CHANNEL
 
-# Number of delays at which residuals are known, range of the grid in standard errors on either side of the
-# estimate, and number of its points.
+# Number of delays at which residuals are computed (nodes), range of delays in standard errors on either side
+# of the estimate, and number of grid points in this range for the integral over the delay.
 NODES, REACH, GRID = 7, 6.0, 301
-# Largest number of positions in memory at once.
+# Largest number of simulated positions (members times samples) in memory at once.
 LARGEST = 4_000_000
 
 Array = NDArray[np.float64]
 
 
 class Tabulated(NamedTuple):
-    """A drive with its segment table computed once, because ensembles ask for it repeatedly."""
+    """A drive signal with its segment table computed once, because simulations of ensembles ask for it
+    repeatedly; `duration` in s."""
 
     table: Drive
     duration: float
     unit: str = "V"
 
     def range(self) -> tuple[float, float]:
-        """Return an empty range: the drive was checked before."""
+        """Return (0, 0) V, so that a range check passes: the drive was checked before."""
         return 0.0, 0.0
 
     def drive(self, duration: float) -> Drive:
@@ -51,10 +52,15 @@ class Tabulated(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Sums over the residuals of members (simulations with different values) at the nodes (tabulated delays).
+    """Sums over the samples of all recordings, for members (simulations with different values) and nodes
+    (tabulated delays).
 
-    Fields: products of each two nodes [members, nodes, nodes] and sums [members, nodes], over `size` samples;
-    NaN for members that cannot be simulated.
+    Attributes:
+        products: sums of the products of the residuals at each two nodes, m^2, shape (members, nodes, nodes).
+        sums: sums of the residuals at each node, m, shape (members, nodes).
+        size: number of samples.
+
+    Both are NaN for members that cannot be simulated.
     """
 
     products: Array
@@ -62,8 +68,12 @@ class Sums(NamedTuple):
     size: int
 
     def chi_squared(self, weights: Array, offset: Array) -> Array:
-        """Return the sum of squares, m^2, of each member at its delay (weights [members, nodes]) and its
-        offset [m]."""
+        """Return the sum of squared residuals, m^2, of each member, shape (members,).
+
+        Args:
+            weights: interpolation weights of each member's delay, shape (members, nodes).
+            offset: offset of each member, m, shape (members,).
+        """
         quadratic = np.einsum("mk,mkl,ml->m", weights, self.products, weights)
         return quadratic + offset * (2.0 * np.sum(weights * self.sums, axis=1) + self.size * offset)
 
@@ -78,7 +88,8 @@ class SimulatedWalks:
         ties: expressions of the tied values.
 
     Raises:
-        FitError: delay or offset are tied, or others are tied to them; they are integrated out.
+        FitError: delay or offset is tied, or another parameter is tied to one of them. They have no fixed
+            value here, because they are integrated out.
     """
 
     def __init__(
@@ -102,20 +113,22 @@ class SimulatedWalks:
         self.grid = estimate + (np.linspace(-REACH, REACH, GRID) * error if free else np.zeros(1))
         self._read = []
         for motion in motions:
-            # Before the drive starts, the position is the position at rest.
+            # The position at a negative time equals the position at rest, at t = 0.
             wanted = np.maximum(motion.time - self.nodes[:, None], 0.0)
             times, place = np.unique(np.append(0.0, wanted), return_inverse=True)
             drive: Any = Tabulated(motion.drive, float(times[-1]))
             self._read.append((drive, times, place[1:].reshape(wanted.shape)))
 
     def weights(self, delay: Array) -> Array:
-        """Return the interpolation weights of the nodes at delays [s], shape (points, nodes)."""
+        """Return the weights of the nodes that interpolate residuals at the given delays [s], shape (delays,
+        nodes)."""
         if self.nodes.size == 1:
             return np.ones((delay.size, 1))
         return np.asarray(scipy.interpolate.make_interp_spline(self.nodes, np.eye(self.nodes.size))(delay))
 
     def __call__(self, own: Mapping[str, Array], count: int) -> Sums:
-        """Return the sums of `count` members with these values of the actuator, arrays [members] by name."""
+        """Simulate `count` members with the values `own` of the actuator (arrays [members] by name, SI) and
+        return the sums of their residuals."""
         k, size = self.nodes.size, sum(x.size for x in self.measured)
         found = Sums(np.zeros((count, k, k)), np.zeros((count, k)), size)
         columns = dict(own) or {"load": np.ones(count)}
@@ -140,8 +153,8 @@ class SimulatedWalks:
 
 
 class Eliminated(NamedTuple):
-    """Logarithm of the likelihood without delay and offset [members], and a random draw of both for each
-    member."""
+    """Logarithm of the likelihood integrated over delay and offset, up to a constant, and a random draw of
+    delay [s] and offset [m] from their distribution for each member; shape (members,) each."""
 
     log_likelihood: Array
     delay: Array
@@ -158,9 +171,10 @@ def eliminated(
     """Integrate the likelihood over delay and offset, as far as they are free, and draw values of both.
 
     Args:
-        members: the simulated walks; of: their sums of products with the recordings.
-        variance: of the noise, m^2.
-        known: the free ones of "delay" and "offset", with their priors.
+        members: the simulated walks.
+        of: sums over their residuals.
+        variance: variance of the noise, m^2.
+        known: parameters "delay" and "offset" with their priors, as far as they are free.
         random: generator of the draws.
     """
     weights = members.weights(members.grid)
@@ -184,7 +198,8 @@ def eliminated(
 
 
 def log_prior(p: Parameter | None, q: Array) -> Array | float:
-    """Return the log prior at coordinates, up to a constant."""
+    """Return the logarithm of a parameter's prior density at coordinates q, up to a constant; 0 without a
+    prior or if the parameter is not free (None)."""
     if p is None or p.prior is None:
         return 0.0
     mean, deviation = p.expected

@@ -1,4 +1,4 @@
-"""Parameters of the position channel that a fit frees by default: offset and delay."""
+"""Decision whether a fit frees delay and offset of the position channel, if the user does not say so."""
 
 from __future__ import annotations
 
@@ -18,17 +18,24 @@ from ..free import value_of
 from .position_channel import CHANNEL
 from .walks import Walks
 
-# Fewest samples at rest for a mean, and its smallest size in standard errors.
+# Fewest samples at rest for a test of their mean, and its size in standard errors above which there is an
+# offset.
 FEWEST, SURE = 10, 4.0
-# Ratio of sums of squares above which a fit without delay and offset is useless.
+# Ratio of the sums of squares without and with free delay and offset above which the linearised test at the
+# fit without them is not used.
 FAR = 2.0
 
 Array = NDArray[np.float64]
 
 
 def shown_at_rest(known: Sequence[KnownNoise], measured: Sequence[Array]) -> list[str]:
-    """Return "offset" in a list if a position [n] is not zero on average before the motion; otherwise an
-    empty list."""
+    """Return ["offset"] if the mean position before the motion differs significantly from zero in any
+    recording; otherwise an empty list.
+
+    Args:
+        known: noise of each recording, with its number of samples at rest and its converter step.
+        measured: positions [n] of each recording.
+    """
     for noise, position in zip(known, measured, strict=True):
         rest = position[: noise.at_rest]
         if rest.size >= FEWEST:
@@ -47,18 +54,21 @@ def freed(
     taken: Collection[str],
     first: Values,
 ) -> tuple[Fit, list[str]]:
-    """Return the fit with delay and offset free if the recordings show them, and the names of those freed.
+    """Fit with delay and offset free as far as the recordings require them.
 
-    Both are free in the first search: a real offset that is missing in the model causes additional minima in
+    Both are free in the first search: without a real offset, the sum of squares has additional minima in
     which searches end.
 
     Args:
-        searched: function that fits with the named channel parameters from distant guesses.
-        near: function that fits them from a fit with more parameters, and from its other minima.
+        searched: function that fits the named parameters from distant initial guesses.
+        near: function that fits the named parameters, starting from the minima of a fit with more parameters.
         walks: recordings to describe.
         free: names of the other free parameters.
         taken: names that are free or tied already.
-        first: known initial values; a delay among them is always free.
+        first: given initial values by name; a delay or offset among them is always free.
+
+    Returns:
+        The fit, and the names of the channel parameters that were freed.
     """
     others = [name for name in CHANNEL if name not in taken]
     asked = [name for name in others if name in shown_at_rest(walks.known, walks.measured)]
@@ -67,7 +77,8 @@ def freed(
         return whole, others
     if asked != others:
         less = near([*free, *asked], whole)
-        # its derivatives are not informative; either of two similar parameters would do
+        # Far from the minimum, the linearised test suggests whichever parameter resembles the missing one.
+        # Then parameters stay free whose removal from the fit with both would raise chi-squared.
         if less.cost > FAR * whole.cost:
             more = [name for name in others if name in first or rise(whole, name) > ASKED] or others
         else:
@@ -85,7 +96,12 @@ def freed_near(
     taken: Collection[str],
     first: Values,
 ) -> tuple[Fit, list[str]]:
-    """Return the fit as `freed`, from a near initial guess: only the given parameters are searched."""
+    """Fit like `freed`, for an initial guess near the minimum: delay and offset start fixed, except an offset
+    at rest, and are freed if the recordings require them.
+
+    Returns:
+        The fit, and the names of the channel parameters that were freed.
+    """
     asked = [name for name in shown_at_rest(walks.known, walks.measured) if name not in taken]
     fit = searched([*free, *asked])
     more = [] if walks.budget.over else _asked_for(fit, walks, first, {*taken, *asked})
@@ -96,8 +112,8 @@ def freed_near(
 
 
 def _asked_for(fit: Fit, walks: Walks, first: Values, free: Collection[str]) -> list[str]:
-    """Return the names of delay and offset if freeing them would lower the sum of squares by more than noise
-    does."""
+    """Return the names of those of delay and offset, not yet `free`, that have a given initial value in
+    `first` or would lower chi-squared by more than chance."""
     pairs = zip(fit.residuals, walks.measured, walks.motions, strict=True)
     moving = [-np.gradient(r + x, motion.time) for r, x, motion in pairs]
     slopes = {"delay": np.concatenate(moving), "offset": np.ones(sum(x.size for x in walks.measured))}
@@ -115,8 +131,8 @@ def said_free(fit: Fit, names: Sequence[str]) -> str:
 
 
 def said_kept(fit: Fit, model: Actuator) -> tuple[str, ...]:
-    """Return a sentence if stiction is not free and follows Coulomb friction at a ratio other than 1;
-    otherwise an empty tuple."""
+    """Return a tuple with one sentence if Coulomb friction was fitted and stiction followed it at a fixed
+    ratio other than 1; otherwise an empty tuple."""
     free = {"stiction_force", "stiction_ratio"} & {*fit.values, *fit.tied}
     if free or "coulomb_force" not in fit.values or "stiction_ratio" not in ratios_of(model.friction):
         return ()

@@ -1,4 +1,4 @@
-"""Effect of other possible stages on the positions of a fitted walk."""
+"""Effect of alternative stages (other mode, gain or piezo) on the simulated positions of fitted walks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,14 @@ def moved_by(
     drives: Sequence[Waveform | None],
     slew_rate: float | None,
 ) -> Array:
-    """Return the change of the positions with each other stage (mode, gain, piezo), [samples, stages], m."""
+    """Return the change of the simulated positions, m, with each alternative stage, shape (samples of all
+    walks, stages).
+
+    Args:
+        fit: fit of the walks.
+        stages: actuators whose mode, gain and piezo replace those of the fit.
+        recordings, drives, slew_rate: arguments of the fit.
+    """
     delay, names = fit.values.get("delay", 0.0), names_of(recordings)
 
     def positions(model: Actuator) -> Array:
@@ -42,7 +49,7 @@ def moved_by(
         )
 
     here = positions(fit.model)
-    # values that the fit has found itself are kept
+    # A value of the stage that was fitted to the walks themselves stays at its estimate.
     own = {name for name in STAGE_PARAMETERS if name in fit.values}
     return np.column_stack(
         [

@@ -1,13 +1,15 @@
-r"""Searches at neighbouring stiffnesses at which the contact vibrates with nearly the same phase.
+r"""Searches for local minima at stiffnesses at which the contact vibrates some cycles more or less.
 
-Between jumps of the drive, T apart, the contact vibrates for n cycles and decays:
+Between jumps of the drive, at an interval T, the contact vibrates for n cycles, and its amplitude decays by
+the factor on the right:
 
 .. math:: n = \frac{T}{2 \pi} \sqrt{k / m}, \qquad
     \exp(-2 \pi \zeta_c n), \quad \zeta_c = \frac{\sigma_1 + \sigma_2}{2 \sqrt{k m}}
 
-(k the contact's stiffness, m the end-effector's mass). While it still vibrates, a model with one cycle more
-or less reaches the next jump with the same phase. So the sum of squares has a local minimum at every 2 / n of
-the stiffness, like the lines of a periodogram, and distant searches end in any of them.
+(k the contact's stiffness, m the end-effector's mass). If the vibration lasts to the next jump, a model with
+one cycle more or less reaches this jump with the same phase. So the sum of squares has local minima at
+relative distances of 2 / n in the stiffness, like the lines of a periodogram, and searches from distant
+initial guesses end in any of them.
 """
 
 from __future__ import annotations
@@ -28,20 +30,27 @@ from .displacement import Displacement
 from .several import likely, straightened
 from .walks import Walks
 
-# Decay exponent above which no vibration remains at the next jump; and number of cycles below which minima
-# are so far apart that the searches from several points find them all.
+# Exponent of the decay between jumps above which no vibration remains at the next jump; and number of cycles
+# between jumps below which minima are so far apart that other searches find them all.
 GONE, FEWEST = 3.0, 4.0
-# Number of search points on each side, half a minimum apart; their largest distance in the logarithm of the
-# stiffness; evaluations of each; and number of repetitions from a lower point.
+# Search points: largest number on each side of the estimate, half the distance of two minima apart; largest
+# distance from the estimate in the logarithm of the stiffness; evaluations of the short search from each; and
+# largest number of repetitions from a lower minimum.
 RUNGS, REACH, LOOK, CLIMBS = 12, 0.5, 5, 4
-# Number of results, from the lowest, whose search is completed.
+# Number of short searches, from the lowest sum of squares, that are completed.
 FOLLOWED = 2
 STIFFNESS = ("N/m", ANGLE.unit("N/m"))
 
 
 def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -> float:
-    """Return the number of vibrations of the contact between jumps of the drive; 0 if they decay before the
-    next jump."""
+    """Return the number of vibration cycles of the contact in the median interval between jumps of the drive;
+    0 if the vibration decays before the next jump or there are no two jumps.
+
+    Args:
+        model: the actuator, for its mass and damping.
+        stiffness: stiffness of the contact, N/m (N m/rad).
+        motions: simulations of the walks, for their drives.
+    """
     gaps = []
     for motion in motions:
         jumps = np.flatnonzero(np.diff(edges(evaluate(motion.drive, motion.time)[0]).astype(int)) == 1)
@@ -55,13 +64,13 @@ def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -
 
 
 def with_other_phases(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
-    """Return the fit, or a better one whose contact vibrates some cycles more or less; its minima include
-    those that the noise does not reject.
+    """Return the fit, or a better one whose contact vibrates some cycles more or less; other minima that the
+    noise does not reject are in its `minima`.
 
     Args:
         fit: fit of the walks.
         walks: the recordings.
-        max_evaluations: limit for a search to its end.
+        max_evaluations: largest number of evaluations of a completed search.
     """
     for _ in range(CLIMBS):
         free = [p.name for p in fit.parameters if p.unit in STIFFNESS]
@@ -85,7 +94,14 @@ def with_other_phases(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
 
 
 def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list[Fit]:
-    """Return fits of short searches at other stiffnesses, from half a minimum away to `REACH`."""
+    """Return fits of short searches at smaller and larger stiffnesses, up to the distance `REACH`.
+
+    Args:
+        fit: fit at whose values the searches start, except for the stiffnesses.
+        walks: the recordings.
+        stiffnesses: names of the stiffnesses, which are changed by the same factor.
+        n: number of vibration cycles between jumps.
+    """
     begun = straightened(fit.parameters, fit.values)
     rungs = range(1, min(RUNGS, math.ceil(REACH * n)) + 1)
     found = []
@@ -96,6 +112,7 @@ def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list
 
 
 def _far(one: Fit, other: Fit, stiffnesses: Sequence[str], least: float) -> bool:
-    """Return True if the stiffnesses of two fits differ by more than `least` in the logarithm."""
+    """Return True if the sums of the named stiffnesses of two fits differ by more than `least` in the natural
+    logarithm."""
     sums = [sum(fit.values[name] for name in stiffnesses) for fit in (one, other)]
     return abs(math.log(sums[0] / sums[1])) > least
