@@ -1,8 +1,9 @@
-"""Studies: many members, on one machine or many, that go on after whatever ended them.
+"""Studies: many simulations (members) on one or several machines, resumable after any interruption.
 
-A `Study` says which members (`Grid`, `Random`, `Draws`, or several of them), what is done with each
-(`SteadySteps`, `WalksFromRest`, a function of your `Own`) and what is kept. `run_study` fills a store that
-xarray opens while it grows; docs/studies.md says how to run one on clusters.
+A `Study` defines the members (`Grid`, `Random`, `Draws`, or several of them), the computation for each
+(`SteadySteps`, `WalksFromRest`, or a user's function in `Own`) and the results to keep. `run_study` writes
+the results to a store (a Zarr folder), which xarray can open while the study runs; docs/studies.md describes
+studies on clusters.
 """
 
 from .._lazy import attach

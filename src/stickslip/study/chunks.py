@@ -1,10 +1,10 @@
-"""Chunks on disk: whole or not there at all, each with its checksum.
+"""Chunk files of a study's store, each written completely or not at all, with a checksum.
 
-A chunk is what Zarr (format 3) reads: little-endian bytes and their CRC-32C (RFC 3720), texts as `vlen-utf8`
-compressed by gzip (RFC 1952). The comment of the gzip header, which readers of Zarr pass over, is the seal of
-the task. A chunk is written here, not by the library, which leaves out chunks that hold nothing but missing
-values: those are results too. The disk is not waited for: what a power cut destroys does not match
-its checksum, and is computed again.
+A chunk has the form of Zarr (format 3): little-endian numbers, or texts as `vlen-utf8` compressed by gzip
+(RFC 1952), followed by their CRC-32C (RFC 3720). The comment of the gzip header, which readers of Zarr
+ignore, contains the seal of the task. This module writes the chunks itself, because the Zarr library omits
+chunks that contain only missing values, which are results too. Writing does not wait for the disk (no
+fsync): a chunk that a power cut damages does not match its checksum, and is computed again.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from .layout import MOST_CHUNK_BYTES, TEXT
 
 NEEDS = 'a stored study needs {}, which is not installed: pip install "stickslip[{}]"'
 PART = ".part"
-MOST_METADATA_BYTES = 10_000_000  # bytes of a file of metadata; that of 1,000 results has 1 MB
-MOST_COORDINATE_BYTES = 1_000_000_000  # bytes of the values of one name that varies: 125 million members
-_CRC = 4  # bytes
-_LENGTH = 4  # bytes of the length of a text, and of the number of texts
-_TEXT_BYTES = 64  # bytes of memory of a text of Python besides its letters: 49 to 76, by its letters
-_GZIP = b"\x1f\x8b\x08\x10" + bytes(4) + b"\x04\xff"  # header: a comment follows, no time, fast, any system
+MOST_METADATA_BYTES = 10_000_000  # largest metadata file that is read; metadata of 1,000 results take 1 MB
+MOST_COORDINATE_BYTES = 1_000_000_000  # largest file of a coordinate's values: 125 million numbers of 8 bytes
+_CRC = 4  # bytes of the CRC-32C at the end of a chunk
+_LENGTH = 4  # bytes of each text's length, and of the number of texts, in a chunk of texts
+_TEXT_BYTES = 64  # bytes of a Python string in addition to its letters: 49 to 76, by the kind of letter
+_GZIP = b"\x1f\x8b\x08\x10" + bytes(4) + b"\x04\xff"  # gzip header: with comment, no time, fast, any system
 
 
 class ChunkError(Exception):
-    """A chunk that is not as it was written; says which and why."""
+    """Error: a file of a store is missing or damaged, or a text is too large; the message says why."""
 
 
 def part_beside(path: Path) -> Path:
@@ -45,14 +45,17 @@ def part_beside(path: Path) -> Path:
 
 
 def chunk_bytes(values: NDArray[Any], dtype: str) -> bytes:
-    """Return the bytes of a chunk: numbers as little-endian data, texts as the gzip data after its header.
+    """Return the content of a chunk, without its checksum.
+
+    Numbers become little-endian data. Texts become gzip data without the header; `with_comment` adds the
+    header.
 
     Args:
         values: array of any shape, numbers or texts.
         dtype: data type in Zarr, such as "float64", or "text".
 
     Raises:
-        ChunkError: texts that take more memory than a chunk may.
+        ChunkError: the texts would take more memory in a reader than 2 `MOST_CHUNK_BYTES`.
     """
     if dtype == TEXT:
         raw = _texts(values)
@@ -64,7 +67,7 @@ def chunk_bytes(values: NDArray[Any], dtype: str) -> bytes:
 
 
 def checksum(data: bytes) -> int:
-    """Return the CRC-32C of the content of a chunk."""
+    """Return the CRC-32C of a chunk's content; raises ModuleNotFoundError without google-crc32c."""
     try:
         from google_crc32c import value
     except ModuleNotFoundError:
@@ -73,7 +76,7 @@ def checksum(data: bytes) -> int:
 
 
 def with_comment(data: bytes, comment: bytes) -> bytes:
-    """Return complete gzip data from the part after the header; `comment` goes into the header."""
+    """Return complete gzip data: a header that contains `comment`, then `data`, the part after the header."""
     return b"".join([_GZIP, comment, b"\0", data])
 
 
@@ -86,7 +89,9 @@ def comment_of(data: bytes) -> tuple[bytes, bytes]:
 
 
 def write_chunk(path: Path, data: bytes) -> None:
-    """Write a chunk and its checksum to a temporary file, which is then renamed to `path`.
+    """Write the content of a chunk and its checksum to a temporary file, which is then renamed to `path`.
+
+    So another process finds a complete chunk at `path`, or none.
 
     Raises:
         OSError: the disk is full, or another failure; the partial file is removed.
@@ -105,16 +110,18 @@ def write_chunk(path: Path, data: bytes) -> None:
 
 
 def unpacked(name: str, packed: bytes, count: int) -> bytes:
-    """Return the bytes that gzip data without its header unpacks to.
+    """Return the decompressed bytes of a chunk of texts.
+
+    They are the number of texts (4 bytes), then for each text its length (4 bytes) and its UTF-8 bytes.
 
     Args:
-        name: name of the file, for errors.
+        name: name of the variable, for errors.
         packed: gzip data after its header.
         count: number of texts that the data must contain.
 
     Raises:
-        ChunkError: the data are no gzip data, contain another number of texts, or take more memory than a
-            chunk may.
+        ChunkError: the data are no gzip data, contain another number of texts, are larger than
+            `MOST_CHUNK_BYTES`, or would take more memory than twice that.
     """
     try:
         raw = zlib.decompressobj(-zlib.MAX_WBITS).decompress(packed, MOST_CHUNK_BYTES + 1)
@@ -132,14 +139,25 @@ def unpacked(name: str, packed: bytes, count: int) -> bytes:
 
 
 def _check_memory(raw: bytes, count: int) -> None:
-    """Raise ChunkError for texts that may take more memory than a chunk may, if each has letters."""
+    """Raise ChunkError if texts could take more memory as Python strings than 2 `MOST_CHUNK_BYTES`.
+
+    Args:
+        raw: decompressed bytes of the chunk, see `unpacked`.
+        count: number of texts. Only a text with letters needs a string of its own, so the estimate counts at
+            most as many strings as there are letters.
+    """
     letters = len(raw) - _LENGTH * (1 + count)
     if 8 * count + _TEXT_BYTES * min(count, letters) + letters > 2 * MOST_CHUNK_BYTES:
         raise ChunkError(f"takes more than {2 * MOST_CHUNK_BYTES:,} bytes of memory")
 
 
 def texts_of(name: str, packed: bytes, count: int) -> NDArray[Any]:
-    """Return the texts of a chunk: `packed` is gzip data, whose header is skipped.
+    """Return the texts of a chunk, an array [count] of strings.
+
+    Args:
+        name: name of the variable, for errors.
+        packed: gzip data after its header.
+        count: number of texts that the chunk must contain.
 
     Raises:
         ChunkError: the chunk is damaged.
@@ -163,8 +181,8 @@ def read_chunk(store: Path, name: str, size: int | None = None) -> bytes:
 
     Args:
         store: folder of the store.
-        name: name of the file in the store.
-        size: required bytes without the checksum; None: any.
+        name: path of the file, relative to the store.
+        size: required number of bytes without the checksum; None: any up to `MOST_CHUNK_BYTES`.
 
     Raises:
         ChunkError: the chunk is missing, of another length, or damaged.
@@ -178,17 +196,25 @@ def read_chunk(store: Path, name: str, size: int | None = None) -> bytes:
 
 
 def plain_bytes(store: Path, name: str, most: int = MOST_METADATA_BYTES) -> bytes:
-    """Return the content of a plain file of a store, of up to `most` bytes; raises ChunkError."""
+    """Return the content of a regular file of a store, at most `most` bytes; raises ChunkError.
+
+    `name` is the path of the file, relative to the store.
+    """
     with plain_file(store, name, most) as file:
         return file.read()
 
 
 @contextmanager
 def plain_file(store: Path, name: str, most: int) -> Iterator[io.BufferedReader]:
-    """Open a plain file of a store, of up to `most` bytes.
+    """Open a regular file of a store (no link out of the store, no device) for reading.
+
+    Args:
+        store: folder of the store.
+        name: path of the file, relative to the store.
+        most: largest allowed size, bytes.
 
     Raises:
-        ChunkError: it is no plain file, lies outside of the store, is larger, or cannot be read.
+        ChunkError: the file is missing, no regular file, outside of the store, too large, or not readable.
     """
     try:
         with opened(in_store(store, name)) as file:
@@ -205,7 +231,10 @@ def plain_file(store: Path, name: str, most: int) -> Iterator[io.BufferedReader]
 
 
 def in_store(store: Path, name: str) -> Path:
-    """Return the path of a file or folder of a store, links resolved; raises ChunkError for one outside."""
+    """Return the path of a file or folder of a store, with links resolved.
+
+    Raises ChunkError if the path lies outside of the store, so that no link leads a program elsewhere.
+    """
     found = Path(os.path.realpath(store / name))
     if not found.is_relative_to(os.path.realpath(store)):
         raise ChunkError("leads out of the store: remove the link")

@@ -1,8 +1,9 @@
-"""Tasks on the workers of a dask scheduler, which see the folder of the store.
+"""Computation of a study's tasks on the workers of a dask scheduler; all workers must see the store's folder.
 
-A task is a number and where the study is described: a file in the store, known by its hash, which a worker
-reads once, before its first task. So a worker that comes later needs nothing else, nor does a scheduler that
-was started again. It is given a few tasks for each worker at a time; when it is lost, it is waited for.
+The scheduler is sent only the number of a task and the path of a file in the store. The file describes the
+study and has its hash in its name; a worker reads it once, before its first task. So workers that join later,
+and a restarted scheduler, need no other data. The scheduler gets a few tasks for each thread of a worker at a
+time. If the connection to the scheduler is lost, the run tries to connect again.
 """
 
 from __future__ import annotations
@@ -31,19 +32,28 @@ from .measures import told
 from .store import Store
 from .task import Done, Load, received, run_task
 
-# Tasks that each thread of a worker has or waits for; with fewer than these left new ones are given, many in
-# one message, which is far less than a message for each. s that a lost scheduler is waited for.
+# AHEAD: number of unfinished tasks per worker thread up to which the scheduler is given tasks. LEFT: number
+# per thread at which it is given tasks again: many tasks in one message cost less than a message for each.
+# PATIENCE: seconds of attempts to reach a lost scheduler before the run gives up.
 AHEAD, LEFT, PATIENCE = 3, 2, 60.0
 
-LOAD = ".load-"
+LOAD = ".load-"  # start of the name of the file that describes the study to workers; its hash follows
 
-_PREPARED: dict[str, tuple[Study, Store]] = {}  # of this worker, by the file of its load
+_PREPARED: dict[str, tuple[Study, Store]] = {}  # studies that this worker has read, by path of the file
 _PREPARING = threading.Lock()
 
 
 def one_task(path: str, number: int) -> None:
-    """Compute one task on a worker and write its results to the store, so that no result has to be
-    fetched."""
+    """Compute one task on a worker and write its results to the store; nothing is sent back.
+
+    Args:
+        path: path of the file that describes the study, see `LOAD`.
+        number: number of the task.
+
+    Raises:
+        StudyError: the worker cannot compute the study, or the disk is full.
+        RuntimeError: any other error, as text.
+    """
     try:
         with _PREPARING:
             if path not in _PREPARED:
@@ -52,12 +62,15 @@ def one_task(path: str, number: int) -> None:
         run_task(*_PREPARED[path], number)
     except StudyError:
         raise
-    except Exception as error:  # the client may not know its type, so only its text is sent
+    except Exception as error:  # only its text is sent: the client may be unable to import its type
         raise RuntimeError(told(error)) from None
 
 
 def _read(path: Path) -> Load:
-    """Return what a worker has to read; the name of the file contains its hash."""
+    """Return the study and the files that a worker needs, from the file `path` (`LOAD`).
+
+    Raises StudyError if the file is missing or does not match the hash in its name.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -70,11 +83,20 @@ def _read(path: Path) -> Load:
 def run_on_cluster(
     load: Load, todo: list[int], address: str, heard: Callable[[Done], None]
 ) -> dict[int, str]:
-    """Compute tasks on the workers of a dask scheduler; arguments and return value as those of `run_local`.
+    """Compute tasks on the workers of a dask scheduler.
+
+    Args:
+        load: study and files that each worker is given at its start.
+        todo: numbers of the tasks.
+        address: address of the scheduler, "tcp://host:8786".
+        heard: called with the report of each finished task.
+
+    Returns:
+        The reasons of tasks that failed on three attempts, by number of the task; empty if all are done.
 
     Raises:
-        StudyError: the scheduler does not answer (any more), a worker cannot compute this study, or the disk
-            is full.
+        StudyError: the scheduler does not answer, or no more for `PATIENCE` seconds; a worker cannot compute
+            this study; the disk is full; or the study was asked to stop.
     """
     tasks, store, lost = Tasks(waiting=todo[::-1]), Store(load.store), 0.0
     data = pickle.dumps(load)
@@ -83,7 +105,7 @@ def run_on_cluster(
     what = partial(one_task, str(file))
     while True:
         try:
-            # A scheduler that is gone is noticed within seconds, and not waited for in here.
+            # With this timeout [s] an absent scheduler raises an error; the loop waits and tries again.
             with Client(address, timeout=5.0, set_as_default=False) as client:
                 lost = 0.0
                 if _run(client, what, store, tasks, len(todo), heard):
@@ -104,7 +126,10 @@ def run_on_cluster(
 
 
 class _RunningShare:
-    """A task at the scheduler: the future of its result, and its start [s]."""
+    """A task that was sent to the scheduler: its number, its dask future, and the time of sending.
+
+    `begun` is a time of `time.monotonic`, s.
+    """
 
     def __init__(self, number: int, future: Future) -> None:
         self.number, self.future, self.begun = number, future, time.monotonic()
@@ -118,7 +143,21 @@ def _run(
     count: int,
     heard: Callable[[Done], None],
 ) -> bool:
-    """Return whether all tasks are done; False if the scheduler was lost."""
+    """Send tasks to the scheduler until each is done or has failed for good; return True then.
+
+    Return False if the scheduler was lost.
+
+    Args:
+        client: connection to the scheduler.
+        what: function that a worker calls with the number of a task.
+        store: store of the study.
+        tasks: queue of the tasks and their outcomes, updated here.
+        count: number of tasks of this run.
+        heard: called with the report of each finished task.
+
+    Raises:
+        StudyError: the study was asked to stop, or a worker reports that it cannot continue.
+    """
     answers: queue.Queue[_RunningShare] = queue.Queue()
     running: dict[Any, _RunningShare] = {}
     slots, asked = 0, 0.0
@@ -152,7 +191,10 @@ def _run(
 
 
 def _threads(client: Client) -> dict[str, int]:
-    """Return the threads of each worker; a scheduler's full information would be kilobytes per worker."""
+    """Return the number of threads of each worker, by its address.
+
+    The scheduler's full information would take kilobytes per worker.
+    """
     found: Any = client.nthreads()
     return found
 
@@ -165,7 +207,7 @@ def _give(
     answers: queue.Queue[_RunningShare],
     workers: list[str] | None = None,
 ) -> None:
-    # Each name is new, so that a result of an earlier run is not taken.
+    # Each key is unique: for a known key the scheduler would return the stored result of an earlier run.
     keys = [f"{uuid.uuid4().hex[:8]}-{number}" for number in numbers]
     futures = client.map(what, numbers, key=keys, pure=False, workers=workers) if numbers else []
     for number, key, future in zip(numbers, keys, futures, strict=True):
@@ -174,8 +216,11 @@ def _give(
 
 
 def _late(client: Client, running: dict[Any, _RunningShare], tasks: Tasks) -> list[tuple[int, list[str]]]:
-    """Return the numbers of late tasks, each with the addresses of the workers that do not compute it
-    already."""
+    """Return the numbers of late tasks, each with the addresses of workers on which to compute it again.
+
+    A task is late if its last sending is longer ago than `Tasks.limit`. The workers are those that compute no
+    late task. The list is empty if there is no late task or no such worker.
+    """
     newest: dict[int, float] = {}
     for one in running.values():
         newest[one.number] = max(one.begun, newest.get(one.number, 0.0))

@@ -1,4 +1,4 @@
-"""Two stores compared, and stores of shards put together."""
+"""Comparison of two stores of studies, and merging of stores that contain shares of one study."""
 
 from __future__ import annotations
 
@@ -20,8 +20,12 @@ from .store import Store
 
 
 class StudyComparison(NamedTuple):
-    """Difference of one variable between two stores: how many members differ, the largest difference in its
-    unit (NaN where no two numbers differ), and how many members have a number in one store only."""
+    """Difference of one variable between two stores, over the members that are computed in both.
+
+    `members` is the number of members that differ. `greatest` is the largest difference in `unit`, NaN if no
+    two numbers differ. `alone` is the number of members with a number in one store and NaN in the other; they
+    also count as different.
+    """
 
     name: str
     unit: str
@@ -33,8 +37,9 @@ class StudyComparison(NamedTuple):
 class Compared(NamedTuple):
     """Result of comparing two studies.
 
-    `said` lists the differences between the descriptions. Further fields give the number of members computed
-    in one store only and in both, and a `StudyComparison` per variable.
+    `said` lists the differences between the studies' descriptions, in words. `only_first`, `only_second` and
+    `both` are the numbers of members that are computed in one store only and in both. `variables` has a
+    `StudyComparison` for each variable that both stores contain.
     """
 
     said: list[str]
@@ -45,22 +50,28 @@ class Compared(NamedTuple):
 
     @property
     def equal(self) -> bool:
-        """Return True if both studies have identical results, to the last bit."""
+        """Return True if the same members are computed, with equal values in all common variables.
+
+        Equal means without a tolerance; NaN equals NaN.
+        """
         return not (self.only_first or self.only_second or any(v.members for v in self.variables))
 
 
 def compare_studies(
     first: str | os.PathLike[str], second: str | os.PathLike[str], progress: Progress = unheard
 ) -> Compared:
-    """Compare the results of two studies over the same members, part by part.
+    """Compare the results of two studies over the same members.
+
+    The comparison reads one task of the first store at a time, so that the memory suffices for large stores.
 
     Args:
-        first, second: their stores; the studies may differ, but not in their members' dimensions.
-        progress: called after each part.
+        first, second: folders of the stores. The studies may differ, but not in names and sizes of their
+            dimensions, nor in the values of a grid.
+        progress: called after each task.
 
     Raises:
-        StudyError: one is no store of a study, or a damaged one.
-        StudyDiffers: their dimensions, or what varies along them, differ.
+        StudyError: a folder is no store of a study, or a store is damaged.
+        StudyDiffers: dimensions, or values of a grid, differ.
     """
     a, b = Store(first), Store(second)
     if (a.layout.dims, a.layout.shape) != (b.layout.dims, b.layout.shape):
@@ -107,19 +118,21 @@ def _apart(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def merge_studies(
     stores: Sequence[str | os.PathLike[str]], into: str | os.PathLike[str], progress: Progress = unheard
 ) -> int:
-    """Put stores of one study together, each with its share of the tasks; chunks are checked on the way.
+    """Copy the finished tasks of several stores of one study into one store.
+
+    Each task is checked against its checksums before it is copied.
 
     Args:
-        stores: of the same study, with tasks of the same size.
-        into: a new store, or one of the stores, which gets what it lacks.
-        progress: called after tasks.
+        stores: folders of stores of the same study, with tasks of the same size.
+        into: folder of a new store, or of one of the stores, which gets the tasks that it lacks.
+        progress: called after each copied task.
 
     Returns:
-        How many tasks are missing still.
+        The number of tasks that are finished in none of the stores.
 
     Raises:
-        StudyDiffers: they are of different studies.
-        StudyError: one is no store, or has a damaged task that no other has whole.
+        StudyDiffers: the stores belong to different studies, or have tasks of different sizes.
+        StudyError: a folder is no store of a study, or a task is damaged and no other store has it undamaged.
     """
     sources = [Store(path) for path in stores]
     if not sources:
@@ -147,7 +160,7 @@ def merge_studies(
 
 
 def _begin(first: Store, target: Path) -> None:
-    """Make a store without results, from another one of the same study."""
+    """Create the store `target` without results, with the metadata and coordinates of the store `first`."""
     first.check_known()
     begun = part_beside(target)
     try:

@@ -1,4 +1,7 @@
-"""Creation of a store: all metadata, and what varies as far as it is known, before the first task."""
+"""Creation of a study's store, before the first task: all metadata, and the varied values of grids and draws.
+
+The varied values of a random design are written later, with each task.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +38,20 @@ def create(
     inner: Mapping[str, xr.DataArray],
     title: str,
 ) -> None:
-    """Make a store with all metadata and no results; nothing happens if another process was first.
+    """Create a store with all metadata and no results; do nothing if another process has just created it.
+
+    Args:
+        path: folder of the new store.
+        description: description of the study, from `described`.
+        layout: variables, dimensions and tasks of the study.
+        axes: varied quantities of the study.
+        inner: coordinates of the results' own dimensions, such as time, by name.
+        title: title of the study; "" for none.
 
     Raises:
-        QuantityError: a name cannot be that of a variable, or there are too many tasks.
-        StudyError: the name is taken by something else, or the disk is full.
+        QuantityError: a name cannot be the name of a variable, the metadata are too large, or there are too
+            many tasks.
+        StudyError: the folder contains something else, or the disk is full.
     """
     path = Path(path)
     begun = part_beside(path)
@@ -57,7 +69,7 @@ def create(
         path.parent.mkdir(parents=True, exist_ok=True)
         _metadata(begun, manifest, layout, axes, inner, title)
         if path.is_dir() and not any(path.iterdir()):
-            path.rmdir()  # on some systems nothing can be renamed to a folder that is there
+            path.rmdir()  # some operating systems cannot rename a folder to an existing empty one
         begun.rename(path)
     except OSError as error:
         if not (path / "zarr.json").exists():
@@ -121,7 +133,8 @@ def _metadata(
     names = [one.relative_to(path).as_posix() for one in written]
     manifest["files"] = {name: file_hash(path, name) for name in names}
     with warnings.catch_warnings():
-        # Not part of the format, says the library; who does not know it reads the arrays' own.
+        # The library warns that consolidated metadata are not part of format 3. Readers that do not know them
+        # read the metadata of each array.
         warnings.simplefilter("ignore")
         zarr.consolidate_metadata(str(path))
     content = json.loads((path / "zarr.json").read_bytes())

@@ -17,12 +17,16 @@ from ..quantities.units import own_unit
 from .own import OwnFunction, content_hash
 from .points import Grid, Part, Random
 
-# Longer lists are said by their hash.
+# Largest number of values that a description contains as a list; longer arrays are given by size and hash.
 SHOWN = 64
 
 
 def described(study: Any) -> dict[str, Any]:
-    """Return the description of a study, the package, its engine and the user's own files as JSON data."""
+    """Return the description of a `Study` as JSON data.
+
+    It contains the points, the measure, the versions of the package and of its engine, and hashes of the
+    user's own files. Equal descriptions give equal results.
+    """
     return {
         "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
         "order": _order(study.points),
@@ -46,7 +50,10 @@ def identity(description: Mapping[str, Any]) -> str:
 
 
 def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
-    """Return the differences between two descriptions, in words, place by place."""
+    """Return the differences between two descriptions as texts, one for each differing value.
+
+    `there` is the description in a store and `here` the description of the present study.
+    """
     first, second = (dict(_leaves(one)) for one in (there, here))
     return [
         f"{place}: {_short(first.get(place, 'nothing'))} there, {_short(second.get(place, 'nothing'))} here"
@@ -91,7 +98,7 @@ def _plain(value: Any) -> Any:
         return value
     if isinstance(value, Callable):
         return repr(value)
-    # A waveform that is no record: its state.
+    # Any other object, such as a user's waveform: its type and attributes.
     return {"is": type(value).__name__, **{k: _plain(v) for k, v in sorted(vars(value).items())}}
 
 

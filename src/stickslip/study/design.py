@@ -1,4 +1,4 @@
-"""Studies: which members, what is done with each, and what is kept of it."""
+"""Definition of a study: its members, the computation for each member, and the results to keep."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .points import Part, StudyAxis, axes_of
 if TYPE_CHECKING:
     import xarray as xr
 
-# Additional status of a failed summary of the user's.
+# Name of the additional status of members for which the user's summary function failed.
 SUMMARY_FAILED = "summary_failed"
 _STATUS = ("status", "reason")
 
@@ -37,9 +37,9 @@ class Study:
             and returns arrays [member] by name, or `xarray.DataArray` with units in their attributes.
         keep: names of the results to keep; by default all, except trajectories if there is
             a summary.
-        task: members per task: the work of a worker at a time, and what a crash loses;
-            by default a number that suits most studies and depends on the study alone.
-        title: title in words.
+        task: number of members per task. A worker computes one task at a time, and a crash loses
+            the unfinished tasks. The default depends on the study alone, not on the machine.
+        title: title of the study.
     """
 
     points: Part | Sequence[Part]
@@ -57,7 +57,7 @@ class Study:
             raise QuantityError(f"task = {task!r} must be a whole number of members > 0")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the arguments, without computed parts."""
+        """Return the arguments for pickling, without the cached results of the trial."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @cached_property
@@ -78,7 +78,7 @@ class Study:
         varies fastest.
 
         Args:
-            place: the part of each dimension that the members fill.
+            place: for each dimension, the slice of indices that the members cover.
         """
         parts = [axis.at(place[axis.dim].start, place[axis.dim].stop) for axis in self.axes]
         shape, found = tuple(part.shape[1] for part in parts), {}
@@ -89,7 +89,10 @@ class Study:
         return found
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """Compute some members; return what is kept of their results over "member", status and reason last.
+        """Compute some members; return the results to keep over "member", with status and reason last.
+
+        Args:
+            columns: varied values of the members by name, arrays [members], as from `columns`.
 
         Raises:
             QuantityError: `keep` names an unknown result, or a summary has the name of a result.
@@ -111,11 +114,12 @@ class Study:
         return found[[name for name in dict.fromkeys(kept) if name not in _STATUS] + list(_STATUS)]
 
     def layout(self) -> Layout:
-        """Layout of the results, found by computing two members.
+        """Return the layout of the results in a store; names and shapes are found by computing two members.
 
         Raises:
             QuantityError: a part of the study is impossible.
-            StudyError: a function of the user's own fails for both, so that it is not known what it returns.
+            StudyError: names and shapes are unknown, because a user's function fails for both members or,
+                if there is a summary, because a member fails.
         """
         made = self._trial
         if not set(made) - set(_STATUS) or (self.summary is not None and set(made["reason"].values) - {""}):
@@ -144,12 +148,17 @@ class Study:
 
     @cached_property
     def _trial(self) -> xr.Dataset:
-        """Compute two members, to learn names, units and shapes of the results."""
+        """Return the results of the first two members; they show names, units and shapes of all results."""
         place = {axis.dim: slice(0, min(2, axis.size)) for axis in self.axes}
         return self.computed({name: column[:2] for name, column in self.columns(place).items()})
 
     def _summarised(self, found: xr.Dataset, columns: Columns) -> tuple[xr.Dataset, xr.Dataset]:
-        """Return the summary of members, and the results, with the members for which it failed."""
+        """Apply the user's summary function to the results `found` of some members.
+
+        Returns:
+            The summary over "member", and `found` with the status `SUMMARY_FAILED` and the error as reason
+            for members for which the function failed.
+        """
         assert isinstance(self.summary, OwnFunction)
         summary, given = self.summary, found.assign({n: ("member", c) for n, c in columns.items()})
 

@@ -1,4 +1,4 @@
-"""Draws of a model's parameters from a fit or a posterior."""
+"""Random draws of a model's parameters from a fit, from a posterior, or from given samples."""
 
 from __future__ import annotations
 
@@ -18,23 +18,30 @@ from ..simulation.varied import RATIOS, changed_fields, free_names, quantity_of
 
 Array = NDArray[np.float64]
 
-# Values of samples and fits that belong to the sensor's channel or the sampler, not to the actuator.
+# Names and units of values in samples and fits that belong to the sensor or the sampler, not to the actuator.
 NOT_OF_ACTUATOR = {"delay": "s", "offset": "m", "log_posterior": ""}
-# Largest relative difference between the model and the estimate of the fit, which should be equal.
+# Largest relative difference between a value of the model and the estimate of the fit; both should be equal.
 SAME = 1e-6
 
 
 def drawn_parameters(
     source: Fit | Posterior | Mapping[str, ArrayLike], model: Actuator, count: int, seed: int
 ) -> dict[str, Array]:
-    """Return draws [count] of parameters of a model, by name, from what was estimated.
+    """Return random draws of a model's parameters, arrays [count] in SI by name.
 
-    Draws from a fit are normally distributed in the fit's coordinates and truncated at its bounds; draws from
-    a posterior are its samples; draws from arrays by name (of a prior) are rows of these.
+    Draws from a fit are normally distributed in the fit's coordinates (such as logarithms); draws beyond a
+    bound are set to the bound, and parameters that lie at a bound are fixed. Draws from a posterior, or from
+    arrays by name, are randomly chosen samples; each sample is used once if `count` samples exist.
+
+    Args:
+        source: a fit, a posterior, or samples by name: arrays of equal length.
+        model: the actuator; other names are left out.
+        count: number of draws.
+        seed: seed of the random numbers.
 
     Raises:
-        QuantityError: the source is of no parameter of the model, does not determine one, or the model has
-            other values than the fit.
+        QuantityError: the source contains no parameter of the model, a fit does not determine a parameter, or
+            the model has other values than the fit.
     """
     random = np.random.default_rng(seed)
     if isinstance(source, Posterior):
@@ -57,8 +64,10 @@ def drawn_parameters(
 
 
 def _arrays(source: Mapping[str, ArrayLike], model: Actuator) -> dict[str, Array]:
-    """Return arrays for parameters of the model, or extra values of a posterior; raises QuantityError for
-    others."""
+    """Return given samples in SI by name; raises QuantityError for unknown names.
+
+    Known are the parameters of the model, and the names in `NOT_OF_ACTUATOR`.
+    """
     known, found = [*free_names(model), *NOT_OF_ACTUATOR], {}
     for name, one in source.items():
         if name not in known:
@@ -68,8 +77,16 @@ def _arrays(source: Mapping[str, ArrayLike], model: Actuator) -> dict[str, Array
 
 
 def draws_in_si(model: Actuator, name: str, values: ArrayLike) -> Array:
-    """Return values [n] of a parameter of the model, or of an extra value of a posterior, in SI; raises
-    QuantityError."""
+    """Return samples [n] of one parameter in SI.
+
+    Args:
+        model: the actuator, which gives the unit (m or rad).
+        name: name of a parameter of the model, or one of `NOT_OF_ACTUATOR`.
+        values: numbers in SI, or values with units.
+
+    Raises:
+        QuantityError: a unit is wrong.
+    """
     quantity = quantity_of(model, None, name)
     unit = quantity.unit if quantity else unit_for(model, NOT_OF_ACTUATOR.get(name, ""))
     return np.ravel(array_si(values, unit, f"draws of {name}"))
@@ -85,7 +102,8 @@ def _rows(columns: Mapping[str, Array], count: int, random: np.random.Generator)
     if len(sizes) != 1 or 0 in sizes:
         raise QuantityError(f"draws of {', '.join(columns) or 'nothing'} must be as many of each, and some")
     size = sizes.pop()
-    chosen = np.arange(count) if size == count else random.integers(0, size, count)  # each once
+    # each sample once if their number is right, else a random choice with repetition
+    chosen = np.arange(count) if size == count else random.integers(0, size, count)
     return {name: values[chosen] for name, values in columns.items()}
 
 
@@ -107,7 +125,7 @@ def _normal(fit: Fit, count: int, random: np.random.Generator) -> dict[str, Arra
 
 
 def _refuse_others(model: Actuator, values: dict[str, float]) -> None:
-    """Raise QuantityError where the model differs from the estimate."""
+    """Raise QuantityError if a value of the model differs from the fit's estimate in `values`."""
     law, own = changed_fields(model, values)
     now = model.friction._asdict() | {name: getattr(model, name) for name in own}
     for name, value in (law | own).items():

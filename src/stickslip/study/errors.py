@@ -6,11 +6,11 @@ STOPPED = "stopped, as was asked: what is finished is kept, and the same command
 
 
 class StudyError(Exception):
-    """A study that cannot continue: a full disk, workers that die, tasks that fail everywhere.
+    """Error: a study cannot continue, because the disk is full, workers die, or tasks fail on all workers.
 
-    Finished tasks are kept, and the same call resumes.
+    Finished tasks are kept; the same call resumes the study.
     """
 
 
 class StudyDiffers(ValueError):
-    """The store is of another study; says what differs."""
+    """Error: a store belongs to another study; the message names the differences."""

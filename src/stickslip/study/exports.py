@@ -1,4 +1,4 @@
-"""Results of a study as other programs read them: NetCDF, Parquet, CSV."""
+"""Export of a study's results to files for other programs: NetCDF, Parquet, CSV."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from .store import Store
 def export_study(
     store: str | os.PathLike[str], file: str | os.PathLike[str], progress: Progress = unheard
 ) -> int:
-    """Write the results so far to a file, by its ending.
+    """Write the results computed so far to a file; its ending selects the format.
 
-    ``.nc`` contains everything, ``.parquet`` (extra ``stickslip[parquet]``) and ``.csv`` a line for each
-    computed member with its varied values, without results over further dimensions such as time. Tables are
-    written task by task; NetCDF takes the memory of all results.
+    A ``.nc`` file contains everything. A ``.parquet`` file (extra ``stickslip[parquet]``) or ``.csv`` file
+    has a line for each computed member with its varied values, without results over further dimensions such
+    as time. Tables are written task by task; NetCDF takes the memory of all results.
 
     Args:
         store: folder of the study.
         file: path of the new file; an existing file is replaced.
-        progress: called after each task.
+        progress: called after each task; for NetCDF at the end.
 
     Returns:
         The number of computed members.
 
     Raises:
-        QuantityError: another ending.
+        QuantityError: the ending is unknown, or no member is computed yet (Parquet).
         StudyError: the folder is not a store of a study, or a damaged one.
         OSError: the file cannot be written; names it.
     """
@@ -55,7 +55,7 @@ def _netcdf(store: Store, file: Path, progress: Progress) -> int:
     whole = open_study(store.path).load()
     for name in [n for n, one in whole.items() if one.dtype.kind not in "fiu"]:
         whole[name] = whole[name].astype(object)  # texts, variable in length
-    # Through memory: where a disk is full, HDF5 brings the whole process down when it closes the file.
+    # The file is made in memory, because HDF5 ends the whole process if a disk is full when it closes a file.
     file.write_bytes(whole.to_netcdf(None, engine="h5netcdf"))
     progress("writing", 1.0)
     return int((whole["status"] != -1).sum())
@@ -68,7 +68,12 @@ def _tables(store: Store, progress: Progress) -> Iterator[pd.DataFrame]:
 
 
 def _table(part: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
-    """Return a table with a line for each computed member; the names of the columns contain the units."""
+    """Return a table with a line for each computed member, and a column for each varied value and result.
+
+    Args:
+        part: results of one task.
+        dims: dimensions of the study; variables with further dimensions are left out.
+    """
     spread = xr.broadcast(*(part[n] for n in [*part.coords, *part.data_vars] if {*part[n].dims} <= {*dims}))
     columns = {str(one.name): one.transpose(*dims).values.ravel() for one in spread}
     texts = {n: np.asarray(c, dtype=object) if c.dtype.kind not in "fiu" else c for n, c in columns.items()}
@@ -117,7 +122,7 @@ def _parquet(store: Store, file: Path, progress: Progress) -> int:
 
 @contextmanager
 def _closed() -> Iterator[list[Any]]:
-    """Yield a list for a table's writer, which is closed at the end."""
+    """Yield an empty list for writers; close the writers in the list at the end, also after an error."""
     writers: list[Any] = []
     try:
         yield writers

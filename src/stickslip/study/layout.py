@@ -1,4 +1,7 @@
-"""Layout of a study's results: variables over dimensions, cut into tasks; a task is one chunk of each."""
+"""Layout of a study's results: variables over dimensions, divided into tasks.
+
+A task is a block of members; its results are one chunk (file) of each variable.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +12,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# Members of a task, where the study does not say; tasks that there are to be, so that all processors work.
+# Limits of the default number of members per task: at most MOST members, and few enough for TASKS tasks, so
+# that all processors have work.
 MOST, TASKS = 8192, 64
-# Bytes of a task in memory.
+# Largest size of a task's results in memory that the default number of members gives, bytes.
 LARGEST = 64_000_000
 TEXT = "text"
-MOST_DIMS = 32  # dimensions of a study, the number that NumPy 1 and HDF5 have
-MOST_TASKS = 10_000_000  # tasks of a study: files of one folder; each is looked for
-MOST_CHUNK_BYTES = 128_000_000  # bytes of a chunk, twice `LARGEST`: a reader needs this memory twice
+MOST_DIMS = 32  # largest number of dimensions of a study; the limit of NumPy 1 and HDF5
+MOST_TASKS = 10_000_000  # largest number of tasks; each task is a file per variable, and files are looked for
+MOST_CHUNK_BYTES = 128_000_000  # largest chunk, twice `LARGEST`; a reader needs twice this memory
 
 
 class StudyVariable(NamedTuple):
     """Description of one variable in the store, a result or a varied value.
 
-    `dims` names the dimensions of the study that it has, `inner` its own ones (such as time) with their
-    sizes; `dtype` is NumPy's, or "text"; `about` holds the attributes.
+    `dims` names the dimensions of the study that the variable has, `inner` the variable's own dimensions
+    (such as time) with their sizes. `dtype` is the name of a NumPy type, or "text". `about` contains the
+    attributes, such as units.
     """
 
     name: str
@@ -34,15 +39,19 @@ class StudyVariable(NamedTuple):
 
     @property
     def missing(self) -> Any:
-        """Return the fill value of results that are not computed yet."""
+        """Return the value that stands for results that are not computed yet.
+
+        It is "" for texts, -1 for the status (int8), and NaN for numbers.
+        """
         return "" if self.dtype == TEXT else -1 if self.dtype == "int8" else float("nan")
 
 
 class Layout(NamedTuple):
     """Layout of all results of a study in its store.
 
-    `dims` and `shape` are those of all members, `task` is the number of members of a task along each
-    dimension, and `variables` are in the order of writing, status last.
+    `dims` and `shape` are the dimensions of the study and their sizes. `task` is the number of members of a
+    task along each dimension. `variables` are in the order of writing: the status is last, so that a task
+    with a status is complete.
     """
 
     dims: tuple[str, ...]
@@ -65,11 +74,11 @@ class Layout(NamedTuple):
 
     @property
     def bytes(self) -> int:
-        """Return the size of all results without texts, bytes."""
+        """Return the size of all results on the disk without texts, bytes."""
         return self.tasks * sum(self.size(v) for v in self.variables if v.dtype != TEXT)
 
     def place(self, number: int) -> dict[str, slice]:
-        """Return the part of each dimension that a task covers."""
+        """Return for each dimension the slice of indices that a task covers; `number` is that of the task."""
         at = np.unravel_index(number, self.counts)
         return {
             dim: slice(int(i) * part, min((int(i) + 1) * part, size))
@@ -77,12 +86,15 @@ class Layout(NamedTuple):
         }
 
     def chunk(self, variable: StudyVariable) -> tuple[int, ...]:
-        """Return the shape of a variable's chunks; those at the end of a dimension are filled up to it."""
+        """Return the shape of a variable's chunks.
+
+        All chunks have it: a chunk at the end of a dimension is padded with fill values.
+        """
         part = dict(zip(self.dims, self.task, strict=True))
         return (*(part[dim] for dim in variable.dims), *(size for _, size in variable.inner))
 
     def size(self, variable: StudyVariable) -> int:
-        """Return the size of a chunk in memory, bytes."""
+        """Return the size of a variable's chunk in memory, bytes; for texts that of the references alone."""
         one = 8 if variable.dtype == TEXT else np.dtype(variable.dtype).itemsize
         return one * math.prod(self.chunk(variable))
 
@@ -92,7 +104,10 @@ class Layout(NamedTuple):
         return (*(size[dim] for dim in variable.dims), *(count for _, count in variable.inner))
 
     def key(self, variable: StudyVariable, number: int) -> str:
-        """Return the file of a task's chunk, relative to the store."""
+        """Return the path of the file with a variable's chunk of a task, relative to the store.
+
+        `number` is the number of the task.
+        """
         at = dict(zip(self.dims, np.unravel_index(number, self.counts), strict=True))
         return "/".join(
             [
@@ -105,8 +120,10 @@ class Layout(NamedTuple):
 
 
 def cut(shape: tuple[int, ...], wanted: int) -> tuple[int, ...]:
-    """Return the number of members of a task along each dimension, about `wanted` in all; the last dimensions
-    are kept whole as far as possible."""
+    """Return the number of members of a task along each dimension, at most `wanted` in all.
+
+    The last dimensions are kept undivided as far as possible.
+    """
     parts, left = [], max(1, wanted)
     for size in reversed(shape):
         parts.append(min(size, left))
@@ -115,19 +132,26 @@ def cut(shape: tuple[int, ...], wanted: int) -> tuple[int, ...]:
 
 
 def usual(members: int, bytes_of_one: int) -> int:
-    """Return the default number of members of a task: a power of two, for at least `TASKS` tasks and at most
-    `LARGEST` bytes each."""
+    """Return the default number of members per task, a power of two.
+
+    It gives at least `TASKS` tasks (of one member, if the study has fewer), of at most `MOST` members and
+    `LARGEST` bytes each.
+
+    Args:
+        members: number of members of the study.
+        bytes_of_one: size of the results of one member, bytes.
+    """
     most = min(MOST, max(1, members // TASKS), max(1, LARGEST // max(1, bytes_of_one)))
     return 1 << (most.bit_length() - 1)
 
 
 def layout_text(layout: Layout) -> str:
-    """Return the layout as JSON."""
+    """Return the layout as JSON text."""
     return json.dumps(layout._asdict() | {"variables": [v._asdict() for v in layout.variables]})
 
 
 def layout_of(found: Mapping[str, Any]) -> Layout:
-    """Return the layout that `layout_text` wrote.
+    """Return the layout from the content of the JSON text that `layout_text` wrote.
 
     Raises:
         LookupError, TypeError, ValueError: the content is not a layout.
@@ -143,7 +167,11 @@ def layout_of(found: Mapping[str, Any]) -> Layout:
 
 
 def check_layout(layout: Layout) -> None:
-    """Raise ValueError for an impossible layout: names that lead out of the store, or wrong sizes."""
+    """Raise ValueError for an impossible layout.
+
+    A layout from a damaged or foreign file could have names that lead out of the store, wrong sizes, or no
+    status and reason.
+    """
     for name in (*layout.dims, *(v.name for v in layout.variables)):
         if not str(name).isidentifier():
             raise ValueError(f"{str(name)[:60]!r} is no name of a variable: take letters, digits and _")

@@ -1,8 +1,8 @@
-"""Tasks on the processors of this machine: worker processes, each with one thread, watched.
+"""Computation of a study's tasks in worker processes of this machine, each with one thread.
 
-A worker that dies is replaced, its task given to another; a task that fails three times is reported. Towards
-the end a task that takes long is given to an idle worker too: whoever is first ends it, for both write the
-same.
+A worker that dies is replaced, and its task is computed again. A task that fails three times is reported as
+failed. If no other tasks are left, a task that takes long is also given to an idle worker. The first result
+counts; both workers write the same.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from .errors import STOPPED, StudyError
 from .store import Store
 from .task import Done, Load
 
-ATTEMPTS = 3
-# A task is late when it takes this many times as long as others do, and at least so long [s].
+ATTEMPTS = 3  # failures after which a task, or the start of workers, is given up
+# A task is late if its time exceeds LATE times the median of recent tasks, and AT_LEAST seconds.
 LATE, AT_LEAST = 3.0, 2.0
-# s allowed for the start of a worker; doubled after each that is lost, because the machine may be busy.
+# Time allowed for the start of a worker, s; doubled after each failed start, because the machine may be busy.
 BEGINS = 60.0
-# One thread for each worker: what libraries have of their own would fight for the processors.
+# Environment variables set to "1", so that the threads of numerical libraries do not compete for processors.
 ONE_THREAD = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -47,8 +47,10 @@ def processors() -> int:
 
 @contextlib.contextmanager
 def sigint_blocked() -> Iterator[None]:
-    """Yield a context in which SIGINT is blocked, for starting a process that must not end by Ctrl-C in the
-    terminal: this process ends it."""
+    """Provide a context in which SIGINT is blocked, for the start of a child process.
+
+    The child inherits the block, so that Ctrl-C in the terminal does not end it; this process ends it.
+    """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
@@ -60,8 +62,13 @@ def sigint_blocked() -> Iterator[None]:
 
 
 class Worker:
-    """A worker process, and the thread that puts its answers into a queue as (worker, answer); None marks its
-    end."""
+    """A worker process, and a thread that puts its answers into a queue.
+
+    The queue gets pairs of worker and answer (decoded JSON, see `worker`); the answer None marks the end of
+    the process. `task` is the number of the present task, None for an idle worker. `begun` is the time at
+    which the worker or its task was started (`time.monotonic`, s). `ready` is True after the worker has read
+    the study.
+    """
 
     def __init__(self, load: Load, answers: queue.Queue[tuple[Worker, Any]]) -> None:
         self.task: int | None = None
@@ -85,12 +92,12 @@ class Worker:
             self.process.stdin.flush()
             for line in self.process.stdout:
                 answers.put((self, json.loads(line)))
-        except (OSError, ValueError):  # it was killed meanwhile, in the middle of a line
+        except (OSError, ValueError):  # the worker was killed, perhaps in the middle of a line
             pass
         answers.put((self, None))
 
     def give(self, number: int) -> None:
-        """Send the number of a task to the worker; a dead worker is noticed elsewhere."""
+        """Send the number of a task to the worker; the listening thread notices a dead worker."""
         self.task, self.begun = number, time.monotonic()
         assert self.process.stdin
         with contextlib.suppress(OSError):
@@ -98,19 +105,23 @@ class Worker:
             self.process.stdin.flush()
 
     def end(self) -> None:
-        """End the worker, also a stopped one."""
+        """Kill the process, also a suspended one, and wait for its end."""
         self.process.kill()
         self.process.wait()
         self._listener.join()
         for pipe in (self.process.stdin, self.process.stdout):
-            with contextlib.suppress(OSError):  # of what the worker did not read any more
+            with contextlib.suppress(OSError):  # closing flushes data that the dead worker cannot read
                 if pipe:
                     pipe.close()
 
 
 @dataclass
 class Tasks:
-    """Queue of the tasks still to compute, and the outcomes of the others."""
+    """Queue of the tasks still to compute, and the outcomes of the others; tasks are known by number.
+
+    The last task in `waiting` is the next. `attempts` counts failures of a task. `failed` has the reasons of
+    tasks that were given up, `done` the finished tasks, and `seconds` their computing times, s.
+    """
 
     waiting: list[int]
     attempts: dict[int, int] = field(default_factory=dict)
@@ -126,7 +137,7 @@ class Tasks:
         return None
 
     def finish(self, done: Done) -> bool:
-        """Record a finished task; return whether it is new."""
+        """Record a finished task; return False if another worker had already finished it, else True."""
         self.seconds.append(done.seconds)
         new = done.number not in self.done
         self.done.add(done.number)
@@ -134,19 +145,28 @@ class Tasks:
         return new
 
     def again(self, number: int, why: str) -> None:
-        """Put a task whose computation or worker failed back into the queue, or report it after the third
-        failure."""
+        """Put a task whose computation or worker failed back into the queue; give it up after `ATTEMPTS`.
+
+        Args:
+            number: number of the task.
+            why: reason of the failure, as text.
+        """
         if number in self.done:
             return
         self.attempts[number] = self.attempts.get(number, 0) + 1
         if self.attempts[number] < ATTEMPTS:
-            self.waiting.insert(0, number)  # the last one to be tried, and elsewhere
+            self.waiting.insert(0, number)  # tried after all others, and probably by another worker
         else:
             self.failed[number] = why
 
     def late(self, running: Iterable[tuple[int, float]]) -> int | None:
-        """Return the latest of the running tasks, given their starts [s], if it is late and runs once; else
-        None."""
+        """Return the number of the late task that has run longest, or None without a late task.
+
+        Tasks that two workers compute already are not considered.
+
+        Args:
+            running: pairs of task number and start (`time.monotonic`, s).
+        """
         now, found, limit = time.monotonic(), list(running), self.limit()
         numbers = [number for number, _ in found]
         late = [(now - since, n) for n, since in found if now - since > limit and numbers.count(n) == 1]
@@ -166,13 +186,14 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
         load: study and files that each worker is given at its start.
         todo: numbers of the tasks.
         workers: largest number of processes.
-        heard: called after each task.
+        heard: called with the report of each finished task.
 
     Returns:
-        The reasons of failed tasks, by number.
+        The reasons of tasks that failed on three attempts, by number of the task; empty if all are done.
 
     Raises:
-        StudyError: no worker starts, the disk is full, or the study was asked to stop.
+        StudyError: no worker starts, a worker cannot compute this study, the disk is full, or the study was
+            asked to stop.
     """
     answers: queue.Queue[tuple[Worker, Any]] = queue.Queue()
     tasks, store = Tasks(waiting=todo[::-1]), Store(load.store)
@@ -184,7 +205,7 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
                 raise StudyError(STOPPED)
             for one in team:
                 if not one.ready and time.monotonic() - one.begun > BEGINS * 2.0**lost:
-                    one.process.kill()  # its end is heard as that of any other
+                    one.process.kill()  # the queue then reports the worker's end
             try:
                 worker, answer = answers.get(timeout=0.5)
             except queue.Empty:
@@ -201,7 +222,9 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
                     team.append(Worker(load, answers))
                 else:
                     _take(worker, answer, tasks, heard)
-                    if "ready" in answer and len(team) == 1:  # a refusal of the first worker is reported once
+                    # The other workers start after the first one is ready, so that an error of all workers
+                    # is reported once.
+                    if "ready" in answer and len(team) == 1:
                         team += [Worker(load, answers) for _ in range(min(workers, len(todo)) - 1)]
             for idle in (one for one in team if one.ready and one.task is None):
                 number = tasks.take()

@@ -1,4 +1,4 @@
-"""Measures at each point of a study: a walk, a steady step, or a function of the user's own."""
+"""Measures of a study: the computation for each member, a walk, a steady step, or a user's function."""
 
 from __future__ import annotations
 
@@ -27,13 +27,14 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class SteadySteps:
-    """The steady step of each member; see `stickslip.steady_steps`.
+    """Measure: the steady step (net displacement per period) of each member, see `stickslip.steady_steps`.
 
     Args:
         model, waveform: common to all members, except in the fields that the study varies.
-        tolerance: m (rad), on the net step.
-        load: normal force over its reference, for all members, as for `steady_steps`.
-        output: converter and amplifier that each drive passes.
+        tolerance: allowed error of the net step, m (rad).
+        load: normal force relative to its reference, for all members: a number or a waveform, as for
+            `steady_steps`.
+        output: converter and amplifier between each drive signal and the piezo.
     """
 
     model: Actuator
@@ -43,13 +44,18 @@ class SteadySteps:
     output: OutputStage | None = None
 
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
-        """Return the values of a parameter in SI, and its attributes; raises QuantityError for an unknown
-        name or unit."""
+        """Return the values of a parameter in SI [n], and its attributes `units` and `long_name`.
+
+        Raises QuantityError for an unknown name or unit.
+        """
         return _read(self.model, self.waveform, name, values)
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """Compute the steady step of members with these varied values (arrays by name); return a dataset over
-        "member"."""
+        """Compute the steady steps of members; return the results over "member".
+
+        Args:
+            columns: varied values by name, arrays [members] in SI.
+        """
         return _quietly(
             lambda: steady_steps(
                 self.model,
@@ -65,15 +71,15 @@ class SteadySteps:
 
 @dataclass(frozen=True)
 class WalksFromRest:
-    """A walk of each member from rest; see `stickslip.simulate_ensemble`.
+    """Measure: a simulated walk of each member from rest, see `stickslip.simulate_ensemble`.
 
     Args:
-        model, waveform: what the members vary, in all fields that `simulate_ensemble` takes.
-        duration: s; left out, that of each member's waveform.
-        sample_rate: Hz, of trajectories; left out, only summaries are computed.
-        tolerance: m (rad).
-        load: normal force over its reference, for all members.
-        max_steps: of each member.
+        model, waveform: common to all members, except in the fields that the study varies.
+        duration: simulated time, s; by default the duration of each member's waveform.
+        sample_rate: sample rate of trajectories, Hz; by default only summaries are computed.
+        tolerance: allowed error of the position, m (rad).
+        load: normal force relative to its reference, for all members: a number or a waveform.
+        max_steps: largest number of integration steps of each member.
     """
 
     model: Actuator
@@ -85,11 +91,18 @@ class WalksFromRest:
     max_steps: int = 2_000_000
 
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
-        """Return the values of a varied parameter in SI, and its attributes, as `SteadySteps.read` does."""
+        """Return the values of a parameter in SI [n], and its attributes `units` and `long_name`.
+
+        Raises QuantityError for an unknown name or unit.
+        """
         return _read(self.model, self.waveform, name, values)
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """Return the results of members, over "member" (and "time", for trajectories)."""
+        """Simulate members; return the results over "member" (and "time", for trajectories).
+
+        Args:
+            columns: varied values by name, arrays [members] in SI.
+        """
         return _quietly(
             lambda: simulate_ensemble(
                 self.model,
@@ -107,15 +120,16 @@ class WalksFromRest:
 
 @dataclass(frozen=True)
 class Own:
-    """A user's function as the measure of a study.
+    """Measure: a user's function.
 
-    It is called with the varied values, arrays [member] by name, and returns results: arrays [member] by
-    name, or `xarray.DataArray` with units in their attributes. Where it raises for several members, each is
-    tried alone; a member that fails by itself has the status 1, and the error as its reason.
+    The function is called with the varied values, arrays [member] by name, and returns results: arrays
+    [member] by name, or `xarray.DataArray` with units in their attributes. If it raises an error for several
+    members, it is called for each of them alone. A member that fails then has the status 1, and the error as
+    its reason.
 
     Args:
         function: a function of a module or a file, or ``"FILE.py:NAME"``.
-        units: SI unit of each varied value, by name.
+        units: SI unit of each varied value, by name; values without a unit here are plain numbers.
     """
 
     function: Callable[..., Any] | str | OwnFunction
@@ -125,13 +139,20 @@ class Own:
         object.__setattr__(self, "function", own_function(self.function))
 
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
-        """Return a value as `SteadySteps` does; a string has the unit of the name."""
+        """Return the values of a name in the unit that `units` states [n], and their attributes.
+
+        Raises QuantityError for values in another kind of unit.
+        """
         unit = self.units.get(name, "")
         column = np.atleast_1d(array_si(values, unit, name))
         return column, {"units": unit} if unit else {}
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """Return the function's results for members, with status and reason."""
+        """Call the function for members; return its results over "member", with status and reason.
+
+        Args:
+            columns: varied values by name, arrays [members].
+        """
         of_all = next(iter(columns.values())).size
         found, failed = one_by_one(lambda rows: self._of({n: c[rows] for n, c in columns.items()}), of_all)
         status = np.array([failed.get(m, "") != "" for m in range(of_all)], np.int8)
@@ -149,11 +170,15 @@ Measure = SteadySteps | WalksFromRest | Own
 
 
 def one_by_one(work: Callable[[slice], xr.Dataset], count: int) -> tuple[xr.Dataset, dict[int, str]]:
-    """Return the results of `work` for members; if it raises, member by member, with the errors of failed
-    ones.
+    """Return the results of all members; if one raises an error, compute each member alone.
 
-    Raises:
-        Exception: the error of `work` if all members fail.
+    Args:
+        work: function from a slice of members to their results over "member".
+        count: number of members.
+
+    Returns:
+        The results over "member", NaN for failed members and an empty dataset if all fail; and the errors of
+        failed members as text, by index of the member.
     """
     try:
         return work(slice(0, count)), {}
@@ -175,7 +200,7 @@ def one_by_one(work: Callable[[slice], xr.Dataset], count: int) -> tuple[xr.Data
 
 
 def told(error: BaseException) -> str:
-    """Return an error as one line of text."""
+    """Return an error as one line of text: its type and message."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
@@ -208,5 +233,5 @@ def _read(model: Actuator, waveform: Waveform, name: str, values: ArrayLike) -> 
 
 def _quietly(work: Callable[[], xr.Dataset]) -> xr.Dataset:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SimulationWarning)  # of single members, which their columns say too
+        warnings.simplefilter("ignore", SimulationWarning)  # the members' status and reason say the same
         return work()

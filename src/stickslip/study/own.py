@@ -1,4 +1,4 @@
-"""Functions and files of the user's own, which travel with a study: known by their content."""
+"""User's functions and files that a study needs and sends to its workers; hashes identify their content."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..quantities.registry import RegistryError, allowed_file, origin, own_path,
 
 @dataclass(frozen=True)
 class OwnFunction:
-    """A user's function, identified by its file, its name and the hash of the file's content."""
+    """A user's function, identified by the path of its file, its name and the SHA-256 hash of the file."""
 
     path: str
     name: str
@@ -34,14 +34,15 @@ class OwnFunction:
 def own_function(
     given: Callable[..., Any] | str | OwnFunction, folder: str | Path | None = None
 ) -> OwnFunction:
-    """Return a function, or ``"FILE.py:NAME"``, so that other processes find it.
+    """Return a user's function in a form in which other processes can import it.
 
     Args:
-        given: the function.
-        folder: that of the file that names it; None: the user names it.
+        given: the function, or its place as ``"FILE.py:NAME"``.
+        folder: folder of the input file that names the function; FILE.py must lie in it, or be in use
+            already. None if the user gives the place, relative to the current folder.
 
     Raises:
-        RegistryError: it is of no file that can be imported.
+        RegistryError: the function is not at the top level of a file that other processes can import.
     """
     if isinstance(given, OwnFunction):
         return given
@@ -73,7 +74,7 @@ def content_hash(path: str | Path) -> str:
         raise RegistryError(f"{path} cannot be read: {error.strerror}") from error
 
 
-_PLACES: dict[str, str] = {}  # content -> file on this machine, where it was sent
+_PLACES: dict[str, str] = {}  # path on this machine of each file that was sent here, by hash of its content
 
 
 def _found(function: OwnFunction) -> Any:
@@ -85,24 +86,36 @@ def _found(function: OwnFunction) -> Any:
 
 
 def files_of(paths: Iterable[str]) -> list[tuple[str, bytes]]:
-    """Return files as they are sent to workers: pairs of path and content."""
+    """Return files as they are sent to workers: pairs of path and content, each file once."""
     return [(path, Path(path).read_bytes()) for path in dict.fromkeys(paths)]
 
 
 def law_files(model: Any) -> list[str]:
-    """Return the paths of the user's own files that define a model's friction law or were used before."""
+    """Return the paths of the user's files that a worker must import.
+
+    They are the file that defines the friction law of `model`, and all files that this process has used.
+    """
     law = origin(type(getattr(model, "friction", None)))
     return [*([law] if law.endswith(".py") else []), *registry.used_files()]
 
 
 def put_in_use(files: Iterable[tuple[str, bytes]]) -> None:
-    """Import files that were sent: the local copy where its content is equal, else a copy in a temporary
-    folder; raises RegistryError."""
+    """Import files that were sent from another process.
+
+    If the same path on this machine has the same content, that file is imported; otherwise the content is
+    written to a new temporary folder.
+
+    Args:
+        files: pairs of path and content.
+
+    Raises:
+        RegistryError: a file cannot be imported.
+    """
     for path, text in files:
         content = hashlib.sha256(text).hexdigest()
         path = _PLACES.get(content, path)
         if not (Path(path).is_file() and content_hash(path) == content):
-            folder = tempfile.mkdtemp(prefix="stickslip-own-")  # nobody else can have made it before
+            folder = tempfile.mkdtemp(prefix="stickslip-own-")  # a new private folder
             path = str(Path(folder, Path(path).name))
             Path(path).write_bytes(text)
         _PLACES[content] = path

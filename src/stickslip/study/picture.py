@@ -1,7 +1,7 @@
-"""Pictures of a study: a result over two of the values that vary, in cells, over all others.
+"""Data for pictures of a study: a statistic of one result in cells of two varied values.
 
-Only the store's own files are read, each checked, and no more of a large one than a picture needs: so it can
-be looked at while it grows, wherever that is, and whatever is damaged in it.
+Each cell combines all members in it, whatever their other varied values are. Only as many tasks are read as a
+picture needs, and damaged tasks are left out; so a large or damaged store can be shown while it grows.
 """
 
 from __future__ import annotations
@@ -23,18 +23,20 @@ from .store import Store
 Array = NDArray[np.float64]
 Statistic = Literal["median", "tenth", "nine_tenths", "least", "greatest", "count", "failed"]
 
-CELLS = 32  # along an axis, where its values are not few
-MOST = 2**20  # members of a picture; of more, tasks spread over all
-WIDE = 5.0  # greatest over least, from which on an axis is logarithmic
+# Number of cells along an axis; an axis of a grid with up to twice as many values has a cell for each value.
+CELLS = 32
+MOST = 2**20  # largest number of members that are read; of a larger study, evenly selected tasks are read
+WIDE = 5.0  # ratio of greatest to least value above which an axis is logarithmic
 _QUANTILES = {"median": 0.5, "tenth": 0.1, "nine_tenths": 0.9, "least": 0.0, "greatest": 1.0}
 
 
 class StudyPicture(NamedTuple):
     """Picture of a study: the statistic of a result in cells of two varied values.
 
-    `cells` [up, across] holds the statistic between the edges, NaN in empty cells; `log` says for each axis
-    (across, up) whether it is logarithmic; `members` is the number of members shown; `read` and `damaged`
-    count the finished tasks that were read and that are damaged.
+    `across` and `up` are the edges of the cells along the horizontal and vertical axis. `cells` [up, across]
+    contains the statistic, NaN in empty cells. `log` tells for each axis (across, up) whether it is
+    logarithmic. `members` is the number of members shown, `done` the number of finished tasks, `read` the
+    number of tasks selected for reading, and `damaged` the number of these that are damaged.
     """
 
     across: Array
@@ -48,7 +50,9 @@ class StudyPicture(NamedTuple):
 
 
 def pictured(store: Store) -> tuple[dict[str, StudyVariable], dict[str, StudyVariable]]:
-    """Return the varied values, and the results with one number per member, by name.
+    """Return the variables that a picture can show, by name: varied values, and results.
+
+    Results are the variables with one number per member.
 
     Raises:
         StudyError: coordinates of the store are damaged.
@@ -73,9 +77,9 @@ def study_picture(
         path: folder of the study.
         result: name of the result.
         across, up: names of the varied values on the two axes; without `up` the result itself is the vertical
-            axis, and cells count members.
+            axis, and cells count members, whatever the statistic is.
         statistic: "median", "tenth" and "nine_tenths" (quantiles), "least", "greatest", "count" of members,
-            or "failed", the share of members that have no result.
+            or "failed", the fraction of computed members whose status is not complete (0).
 
     Raises:
         QuantityError: there is no such name or statistic.
@@ -108,7 +112,7 @@ def study_picture(
 
 
 def _at_random(store: Store) -> set[str]:
-    """Return the names of what varies at random, as the manifest has them."""
+    """Return the names of the quantities that vary at random, according to the store's description."""
     with damaged(StudyError, f"{store.path}: its description is damaged"):
         points = store.description["study"]["points"]
         parts = points if isinstance(points, list) else [points]
@@ -116,7 +120,10 @@ def _at_random(store: Store) -> set[str]:
 
 
 def _coordinates(store: Store) -> dict[str, tuple[StudyVariable, Array]]:
-    """Return the values that vary along one dimension of the study."""
+    """Return variable and values of each varied quantity of a grid or of draws, by name.
+
+    The values of random quantities are not among them; they are stored with each task.
+    """
     found = store.coordinates()
     return {
         name: one
@@ -128,7 +135,13 @@ def _coordinates(store: Store) -> dict[str, tuple[StudyVariable, Array]]:
 def _columns(
     store: Store, names: list[str], known: dict[str, tuple[StudyVariable, Array]]
 ) -> tuple[dict[str, Array], int, int, int]:
-    """Return the values of computed members by name, and the numbers of finished, read and damaged tasks."""
+    """Return values of members of finished tasks, and the numbers of finished, selected and damaged tasks.
+
+    Args:
+        store: store of the study.
+        names: names of results and varied quantities; the values are arrays [members] by these names.
+        known: varied quantities of `_coordinates`; all others are read from the tasks.
+    """
     layout = store.layout
     of = {one.name: one for one in layout.variables}
     done = np.flatnonzero(store.done())
@@ -162,8 +175,15 @@ def _columns(
 
 
 def _edges(values: Array, known: Array | None) -> Array:
-    """Return the edges of cells: halfway between the values of a small grid, else evenly (or by ratios if
-    wide)."""
+    """Return the edges of the cells along an axis.
+
+    They lie halfway between the values of a grid of up to 2 `CELLS` values, and otherwise at equal distances.
+    If the values are positive and span more than the factor `WIDE`, this refers to their logarithms.
+
+    Args:
+        values: values of the shown members.
+        known: values of the grid along this axis; None without a grid.
+    """
     low, high = float(values.min()), float(values.max())
     log = low > 0.0 and high / low > WIDE
     if known is not None and 1 < known.size <= 2 * CELLS:
@@ -178,7 +198,7 @@ def _edges(values: Array, known: Array | None) -> Array:
 
 
 def _log(edges: Array) -> bool:
-    """Return whether edges are more evenly spaced by their ratios."""
+    """Return True if the logarithms of the edges are more evenly spaced than the edges."""
     if edges.size < 3 or not edges[0] > 0.0:
         return False
     uneven = [np.ptp(apart) / abs(apart.mean()) for apart in (np.diff(edges), np.diff(np.log(edges)))]
@@ -190,7 +210,14 @@ def _cell(values: Array, edges: Array) -> NDArray[np.intp]:
 
 
 def _of_cells(flat: NDArray[np.intp], values: Array, count: int, statistic: Statistic) -> Array:
-    """Return the statistic of the values in each cell; NaN for empty cells."""
+    """Return the statistic of the values in each cell [count]; NaN for empty cells.
+
+    Args:
+        flat: index of the cell of each value.
+        values: values of the members; for "failed" 1 for failed members and 0 for others.
+        count: number of cells.
+        statistic: name of the statistic, see `study_picture`.
+    """
     many = np.bincount(flat, minlength=count)
     if statistic == "count":
         return np.where(many > 0, many, np.nan).astype(float)

@@ -1,7 +1,7 @@
 """Points of a study: grids, random and quasi-random designs, draws of a posterior, and products of them.
 
-No array of all members is ever made: the columns of a task follow from its place in the study, on every
-machine the same.
+The varied values of a task are computed from the task's position in the study, equally on every machine. So
+no array of all members is ever made.
 """
 
 from __future__ import annotations
@@ -20,29 +20,33 @@ from numpy.typing import ArrayLike, NDArray
 from ..quantities.units import QuantityError
 
 Array = NDArray[np.float64]
-# From a name and values (numbers, or strings with units) to SI, and what `units` and `long_name` are.
+# Function that converts the values of a name (numbers in SI, or strings with units) to SI. It returns the
+# converted values and the attributes of the name, `units` and `long_name`.
 Read = Callable[[str, ArrayLike], tuple[Array, dict[str, str]]]
 Method = Literal["sobol", "halton", "uniform"]
 Spacing = Literal["linear", "log"]
 
-MOST_MEMBERS = 10**12
-# Largest length of SciPy's Sobol sequence, of 30 bits.
+MOST_MEMBERS = 10**12  # largest number of members of a study
+# Largest number of points of SciPy's Sobol sequence, which has 30 bits.
 MOST_SOBOL = 2**30
 
 
 @dataclass(frozen=True)
 class Grid:
-    """All combinations of values: each name becomes a dimension.
+    """Grid: all combinations of the values of several quantities; each quantity becomes a dimension.
 
     Args:
-        values: by name, in SI or with units; no value twice.
+        values: values of each quantity by name, in SI or with units; no value may occur twice.
     """
 
     values: Mapping[str, ArrayLike]
 
 
 class Range(NamedTuple):
-    """From `low` to `high`, SI or strings with units; with the spacing "log" evenly over the logarithm."""
+    """Range of a random quantity, from `low` to `high`, in SI or as strings with units.
+
+    With the spacing "log" the logarithm of the quantity is uniformly distributed.
+    """
 
     low: float | str
     high: float | str
@@ -51,14 +55,14 @@ class Range(NamedTuple):
 
 @dataclass(frozen=True)
 class Random:
-    """Members spread over ranges, along the dimension "member".
+    """Random or quasi-random design: members spread over ranges, along the dimension "member".
 
     Args:
-        ranges: by name, each a `Range` or a pair of its ends.
-        members: how many.
+        ranges: range of each quantity by name, a `Range` or a pair of its ends.
+        members: number of members.
         method: "sobol" (scrambled; best with a power of two), "halton" (scrambled) or "uniform"
-            (independent). A Sobol sequence has up to 2^30 members.
-        seed: of the scrambling or of the numbers.
+            (independent random numbers). A Sobol sequence has up to 2^30 members.
+        seed: seed of the scrambling or of the random numbers.
     """
 
     ranges: Mapping[str, Range | tuple[float | str, float | str]]
@@ -69,11 +73,12 @@ class Random:
 
 @dataclass(frozen=True)
 class Draws:
-    """Members as they are given, along one dimension: what a fit or a posterior leaves possible (see
-    `drawn_parameters`), or a list of one's own.
+    """Members with listed values, along one dimension, such as draws from a fit or a posterior.
+
+    `drawn_parameters` makes such draws.
 
     Args:
-        values: by name, arrays of one length, in SI or with units.
+        values: values of each quantity by name, arrays of equal length, in SI or with units.
         dim: name of the dimension.
     """
 
@@ -87,8 +92,10 @@ Part = Grid | Random | Draws
 class StudyAxis(NamedTuple):
     """One dimension of a study with the values that vary along it.
 
-    `values` [names, size] are known beforehand for grids and draws; else ``drawn(start, stop)`` computes
-    those of some points, [names, stop - start].
+    `names` are the quantities that vary along it, `size` is its number of points, and `about` has the
+    attributes (`units`, `long_name`) of each name. `values` [names, size] is the array of values of a grid or
+    of draws. For a random design it is None, and ``drawn(start, stop)`` computes the values of the points
+    from `start` up to `stop`, [names, stop - start].
     """
 
     dim: str
@@ -99,19 +106,19 @@ class StudyAxis(NamedTuple):
     drawn: Callable[[int, int], Array] | None = None
 
     def at(self, start: int, stop: int) -> Array:
-        """Return the points from `start` up to `stop`, [names, points]."""
+        """Return the values of the points from `start` up to (without) `stop`, [names, points]."""
         return self.values[:, start:stop] if self.drawn is None else self.drawn(start, stop)  # type: ignore[index]
 
 
 def axes_of(parts: Part | Sequence[Part], read: Read) -> list[StudyAxis]:
-    """Return the dimensions of a study in order.
+    """Return the dimensions of a study in order; each quantity of a grid is a dimension of its own.
 
     Args:
-        parts: a `Grid`, `Random`, `Draws`, or several.
-        read: function that converts the values of a name to SI, with their attributes.
+        parts: a `Grid`, a `Random` design, `Draws`, or several of them.
+        read: function from a name and its values to the values in SI and the attributes of the name.
 
     Raises:
-        QuantityError: a name or a value that is not allowed; names the part and the name.
+        QuantityError: a name or a value is not allowed; the message names the part and the name.
     """
     found: list[StudyAxis] = []
     for part in [parts] if isinstance(parts, Part) else parts:
@@ -190,14 +197,14 @@ def _random_axis(part: Random, read: Read) -> StudyAxis:
 
 
 class _Sequence:
-    """Points of a quasi-random or random sequence in the unit cube, computed by their numbers."""
+    """Quasi-random or random points in the unit cube; any range of the sequence can be computed alone."""
 
     def __init__(self, method: Method, seed: int, dimensions: int) -> None:
         self._method, self._seed, self._dimensions = method, seed, dimensions
         self._sampler: Any = None
 
     def numbers(self, start: int, stop: int) -> Array:
-        """Return the points from `start` up to `stop`, [dimensions, stop - start]."""
+        """Return the points from index `start` up to (without) `stop`, [dimensions, stop - start]."""
         if self._method == "uniform":
             generator = np.random.PCG64(self._seed)
             generator.advance(start * self._dimensions)
@@ -208,7 +215,8 @@ class _Sequence:
         if start > self._sampler.num_generated:
             self._sampler.fast_forward(start - self._sampler.num_generated)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # balanced or not, it is the user's choice
+            # SciPy warns if the number of points is no power of two; the user has chosen the number.
+            warnings.simplefilter("ignore", UserWarning)
             return self._sampler.random(stop - start).T
 
     @cached_property

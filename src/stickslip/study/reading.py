@@ -1,4 +1,4 @@
-"""Results of a store as an xarray Dataset; each chunk is checked when it is read."""
+"""Reading of a study's results as an `xarray.Dataset`; each chunk is checked when it is read."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from .store import Store
 
 
 def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Return the results of a study so far, as `xarray.open_zarr` opens them, read on demand.
+    """Return the results of a study computed so far; the values are read from the store on demand.
 
-    Where nothing was computed when the store was opened, status is -1, numbers are NaN and reasons empty.
+    The dataset is that of `xarray.open_zarr`, with damaged results refused. For members that were not
+    computed when the store was opened, status is -1, numbers are NaN and reasons are empty.
 
     Raises:
         StudyError: the folder is not a store of a study, or its metadata are damaged. Reading damaged or
@@ -44,12 +45,15 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     beside = {*str(about.pop("coordinates", "")).split(), *known}
     try:
         return xr.Dataset({**found, **known}, attrs=about).set_coords(sorted(beside & {*found, *known}))
-    except ValueError as error:  # dimensions of several sizes
+    except ValueError as error:  # a coordinate's length differs from its dimension
         raise StudyError(f"{store.path}: its coordinates are damaged: {error}") from None
 
 
 def blocks(store: Store) -> Iterator[tuple[dict[str, slice], xr.Dataset]]:
-    """Yield, task after task, the part of each dimension that it covers and its results in memory."""
+    """Yield for each task the slice of each dimension that the task covers, and the results in memory.
+
+    Tasks that are not computed are included, with fill values.
+    """
     whole = open_study(store.path)
     for number in range(store.layout.tasks):
         place = store.layout.place(number)
@@ -57,7 +61,10 @@ def blocks(store: Store) -> Iterator[tuple[dict[str, slice], xr.Dataset]]:
 
 
 class _Results(BackendArray):
-    """Results of one variable, read from the finished tasks; others give the fill value."""
+    """Array of one variable's results for xarray, read on demand from the finished tasks.
+
+    Members of unfinished tasks have the variable's fill value.
+    """
 
     def __init__(self, store: Store, variable: StudyVariable, done: NDArray[np.bool_]) -> None:
         self._store, self._variable, self._done = store, variable, done
@@ -70,7 +77,7 @@ class _Results(BackendArray):
         )
 
     def _selected(self, key: tuple[int | slice, ...]) -> NDArray[Any]:
-        """Return the values of one number or slice along each dimension."""
+        """Return the values selected by an index or a slice along each dimension."""
         asked = [
             range(size)[one] if isinstance(one, slice) else range(one, one + 1)
             for one, size in zip(key, self.shape, strict=True)
@@ -87,7 +94,13 @@ class _Results(BackendArray):
         ]
 
     def _tasks(self, box: list[range]) -> list[int]:
-        """Return tasks that are done and hold the values of a box, each value once."""
+        """Return the numbers of finished tasks that contain the values of a region, each value once.
+
+        Several tasks contain the same values if the variable lacks a dimension of the study.
+
+        Args:
+            box: range of indices along each dimension of the variable.
+        """
         layout, dims = self._store.layout, self._variable.dims
         spans = dict(zip(dims, box, strict=False))
         parts = [
@@ -101,7 +114,16 @@ class _Results(BackendArray):
         return np.atleast_1d(np.ravel_multi_index(tuple(at.T), layout.counts)).tolist()
 
     def _put(self, number: int, box: list[range], whole: NDArray[Any]) -> None:
-        """Copy what a task has of a region of the results into the array `whole`."""
+        """Copy the results of one task that lie in a region into the array of the region.
+
+        Args:
+            number: number of the task.
+            box: the region, a range of indices along each dimension of the variable.
+            whole: array of the region, changed in place.
+
+        Raises:
+            StudyError: the task is damaged; the message tells how to repair it.
+        """
         variable, place = self._variable, self._store.layout.place(number)
         try:
             values = self._store.read(number, variable)

@@ -28,14 +28,18 @@ from .task import Done, load_of
 if TYPE_CHECKING:
     import xarray as xr
 
-# Members of the trial that an estimate is from.
+# Largest number of members that are computed in order to estimate the cost of a study.
 TRIAL = 64
-# s between two lines of progress at first, and as a share of the time that has passed.
+# Shortest time between progress reports: OFTEN seconds, or the fraction SHARE of the time since the start.
 OFTEN, SHARE = 2.0, 0.01
 
 
 class Estimate(NamedTuple):
-    """Cost of a study: members, tasks, `cpu` time [s], bytes on the disk, and `seconds` per member."""
+    """Estimated cost of a study.
+
+    `members` and `tasks` are their numbers, `cpu` is the processor time [s], `bytes` the size of the results
+    on the disk without texts, and `seconds` the processor time per member [s].
+    """
 
     members: int
     tasks: int
@@ -51,10 +55,11 @@ class Estimate(NamedTuple):
 
 
 def estimate_study(study: Study) -> Estimate:
-    """Estimate what a study costs, from a trial of some members spread over it.
+    """Estimate the cost of a study by computing some randomly chosen members.
 
     Raises:
-        QuantityError, StudyError: see `run_study`.
+        QuantityError: a part of the study is impossible.
+        StudyError: a user's function fails, so that the results' names and shapes are unknown.
     """
     layout, place = study.layout(), {}
     random = np.random.default_rng(0)
@@ -78,33 +83,34 @@ def run_study(
     scheduler: str | None = None,
     progress: Progress = unheard,
 ) -> xr.Dataset:
-    """Run a study of many members, or go on with it: whatever ended it before, nothing is lost but the tasks
-    that were being done, and the results are the same to the last bit as of a run that nothing ended.
+    """Run a study of many members, or resume it after an interruption.
 
-    On this machine it runs in processes of its own, one thread each. On several machines either let each do
-    its share of one store (`shard`), or give the address of a dask scheduler (extra ``stickslip[cluster]``)
-    whose workers see the same folder. At its start, what is done already is checked against its checksums;
-    what does not match is computed again, with a warning.
+    After any interruption only the unfinished tasks are lost, and the results equal those of an uninterrupted
+    run to the last bit. On this machine the study runs in worker processes with one thread each. On several
+    machines, either each machine computes a share of the tasks into one store (`shard`), or the workers of a
+    dask scheduler (extra ``stickslip[cluster]``) compute them; all workers must see the same folder. At the
+    start, finished tasks are checked against their checksums; damaged ones are computed again with a warning.
 
     Args:
-        study: which members, and what to do with each.
+        study: members, computation and results of the study.
         store: folder of the results, a Zarr group (format 3) that `xarray.open_zarr` opens at any time:
-            status is -1 where nothing is computed yet. Made if it is not there.
-        workers: processes on this machine; all its processors if left out.
-        shard: (k, n), k from 1 to n: only every n-th task, beginning with the k-th.
+            status is -1 where nothing is computed yet. It is created if missing.
+        workers: number of processes on this machine; by default that of the processors.
+        shard: (k, n), k from 1 to n: compute only every n-th task, starting with the k-th.
         scheduler: address of a dask scheduler, "tcp://host:8786".
-        progress: called after tasks with what is being done, how fast and how long still, and the share.
+        progress: called after tasks with a text (activity, speed, remaining time) and the finished fraction,
+            from 0 to 1.
 
     Returns:
         The results, as `xarray.open_zarr` opens them: over the dimensions of the grid, "member" of a random
         design, "draw" of draws.
 
     Raises:
-        QuantityError: something in the study cannot be.
-        StudyDiffers: the store is of another study, of another version of the package or of other compiled
-            physics; says what differs.
-        StudyError: tasks failed on three workers, no worker comes up, the disk is full; what is finished is
-            kept.
+        QuantityError: a part of the study is impossible, or an argument is out of range.
+        StudyDiffers: the store belongs to another study, another version of the package, or other compiled
+            physics; the message says what differs.
+        StudyError: tasks failed three times, no worker starts, the disk is full, or the study was asked to
+            stop. Finished tasks are kept.
 
     Warns:
         SimulationWarning: results in the store were damaged.
@@ -134,8 +140,13 @@ def run_study(
 
 
 def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
-    """Return the store of a study, which is created if missing; raises StudyDiffers, QuantityError and
-    StudyError."""
+    """Return the store of a study in the folder `path`; the store is created if missing.
+
+    Raises:
+        StudyDiffers: the store belongs to another study.
+        QuantityError: the study is impossible or cannot be stored.
+        StudyError: the store is damaged, or cannot be created.
+    """
     description = described(study)
     if not (Path(path) / "zarr.json").exists() and not has_arrays(Path(path)):
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
@@ -152,15 +163,25 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
 
 
 def _of(layout: Layout) -> list[Any]:
-    """Return the parts of a layout that must agree between a study and its store: all but tasks and
-    attributes."""
+    """Return the parts of a layout that must agree between a study and its store.
+
+    They are all parts except the size of the tasks and the attributes of variables.
+    """
     found = json.loads(layout_text(layout))
     fields = ("name", "dims", "inner", "dtype")
     return [found["dims"], found["shape"], [[one[key] for key in fields] for one in found["variables"]]]
 
 
 def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> list[int]:
-    """Return the numbers of the tasks that are still to compute; finished ones are checked first."""
+    """Return the numbers of the tasks that are still to compute.
+
+    Finished tasks are checked first; damaged ones are marked as not done, with a SimulationWarning.
+
+    Args:
+        store: store of the study.
+        shard: (k, n), the share of the tasks, see `run_study`; None for all tasks.
+        progress: called during the check.
+    """
     k, n = shard or (1, 1)
     mine, done, damaged = range(k - 1, store.layout.tasks, n), store.done(), []
     for i, number in enumerate(mine):
@@ -190,7 +211,7 @@ class _ToldProgress:
         self._members += done.members
         self._failed += done.failed
         now = time.monotonic()
-        if not self._begun:  # time counts from the workers' start
+        if not self._begun:  # time counts from the start of the first finished task
             self._begun = self._last = now - done.seconds
         passed = now - self._begun
         if self._done < self._tasks and now - self._last < max(OFTEN, SHARE * passed):
@@ -210,7 +231,7 @@ def pace(rate: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Return a time as text, in a suitable unit."""
+    """Return a duration given in s as text, in d, h, min or s."""
     for unit, size in (("d", 86_400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.1f} {unit}"

@@ -1,9 +1,10 @@
-"""Seals of a store: a checksum of what belongs together, so that a whole part in a wrong place is noticed.
+"""Seals of a store: checksums that detect files which are undamaged but in a wrong place.
 
-A chunk's own checksum says that the chunk is as it was written, not that it belongs where it is. The seal of
-a task lists the checksums of its chunks by the names of their variables, under a hash with the number of the
-task and the key of the study. The seal of the store is the hash of its `zarr.json`, which has the hashes of
-all other metadata. Seals find damage and mistakes; they are no signature: who wants to can make new ones.
+A chunk's own checksum shows that the chunk is undamaged, not that it belongs to this task, variable and
+study. The seal of a task lists the checksums of its chunks by the names of their variables; it starts with a
+hash of this list, the number of the task and the key of the study. The seal of the store is the hash of its
+`zarr.json`, which contains the hashes of all other metadata. Seals detect damage and mistakes, not
+manipulation: they are no signature, and anyone can compute them.
 """
 
 from __future__ import annotations
@@ -20,18 +21,27 @@ SEAL = "checksum"  # attribute of the group that holds the seal of the store
 
 
 def key_of(identity: str, layout: str) -> str:
-    """Return the key of a study: the hash of its identity and its layout."""
+    """Return the key of a study: the hash of its identity (see `identity`) and its layout as JSON text."""
     return _hash(f"{identity}\n{layout}".encode())
 
 
 def task_seal(key: str, number: int, checks: Mapping[str, int]) -> bytes:
-    """Return the seal of a task from the checksums of its chunks."""
+    """Return the seal of a task.
+
+    Args:
+        key: key of the study, see `key_of`.
+        number: number of the task.
+        checks: CRC-32C of the content of the task's chunks, by name of the variable.
+    """
     listed = " ".join(f"{name}={check:08x}" for name, check in checks.items())
     return f"{_hash(f'{key} {number} {listed}'.encode())} {listed}".encode()
 
 
 def checks_of(seal: bytes, key: str, number: int) -> dict[str, int]:
-    """Return the checksums that the seal of a task lists; raises ChunkError for that of another task."""
+    """Return the CRC-32C of each chunk that a task's seal lists, by name of the variable.
+
+    Raises ChunkError if the seal is damaged, or belongs to another task or study.
+    """
     try:
         _, *listed = seal.decode().split(" ")
         pairs = (one.split("=") for one in listed)
@@ -44,21 +54,24 @@ def checks_of(seal: bytes, key: str, number: int) -> dict[str, int]:
 
 
 def file_hash(store: Path, name: str) -> str:
-    """Return the hash of a file of metadata or coordinates of a store; raises ChunkError."""
+    """Return the SHA-256 hash of a metadata or coordinate file of a store.
+
+    `name` is the path of the file, relative to the store. Raises ChunkError if it cannot be read.
+    """
     most = MOST_METADATA_BYTES if name.endswith("zarr.json") else MOST_COORDINATE_BYTES
     with plain_file(store, name, most) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def store_seal(group: Mapping[str, Any]) -> str:
-    """Return the seal of a store from the content of its zarr.json, which may have one already."""
+    """Return the seal of a store from the content of its zarr.json; a seal in the content is not counted."""
     attributes = {name: one for name, one in group["attributes"].items() if name != SEAL}
     text = json.dumps({**group, "attributes": attributes}, sort_keys=True)
     return _hash(text.encode())
 
 
 def sealed(group: Mapping[str, Any]) -> str:
-    """Return the text of a zarr.json with its seal."""
+    """Return the text of a zarr.json, given its content, with the seal of the store added."""
     attributes = {**group["attributes"], SEAL: store_seal(group)}
     return json.dumps({**group, "attributes": attributes}, indent=2)
 

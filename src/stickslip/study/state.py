@@ -1,4 +1,4 @@
-"""The state of a study, from its store alone: whoever works on it, on whatever machine."""
+"""Progress of a study, read from its store alone, so that it can be seen from any machine."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ import numpy as np
 from .chunks import ChunkError
 from .store import Store
 
-# s, within which tasks are counted for the rate.
+# The rate is that of the tasks written within this time before now, s.
 LATELY = 300.0
-# State of members with an unreadable status; a resumed run computes them again.
+# State of the members of a damaged task; a resumed run computes them again.
 DAMAGED = "damaged"
 
 
 class StudyState(NamedTuple):
     """Progress of a study, read from its store.
 
-    `done` of `tasks` are finished; members are counted in all and by their status; the rate is in members per
-    second of late, NaN where nothing was written of late; `left` is the remaining time at this rate, s;
-    `last` is the time of the last result, s (Unix time), NaN for none; `damage` describes a damaged finished
-    task, or is "". Results are only checked for existence.
+    `done` of `tasks` tasks are finished. `members` is the number of all members, and `statuses` the number of
+    computed members by status. `rate` is the number of members per second in the last `LATELY` seconds, NaN
+    without two tasks in this time. `left` is the remaining time at this rate, s. `last` is the time of the
+    last result (Unix time, s), NaN without results. `damage` describes a damaged finished task, "" for none;
+    only the status of a task is read for this, of its other files only the existence is checked.
     """
 
     title: str
@@ -87,10 +88,9 @@ def study_state(path: str | os.PathLike[str]) -> StudyState:
 
 
 def stop_study(path: str | os.PathLike[str]) -> None:
-    """Ask all processes that work on a study, on any machine that sees its store, to end within a second or
-    so.
+    """Ask all processes that run a study, on any machine that sees its store, to stop.
 
-    Finished tasks are kept; a run of the same study resumes.
+    They stop within about a second. Finished tasks are kept; running the same study again resumes it.
 
     Raises:
         StudyError: the folder is not a store of a study.

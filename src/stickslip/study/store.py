@@ -1,9 +1,9 @@
-"""The store of a study: a Zarr group (format 3) that xarray opens while it grows.
+"""Store of a study: a folder that is a Zarr group (format 3), which xarray can open while the study runs.
 
-All metadata are written before the first task, and never again. A task writes one chunk of each variable,
-its status last: a task whose status is there is done. The attribute `study` of the group is the manifest:
-what the study is, with hashes, how its results are laid out, and the hashes of all other files that were
-written before the first task (`creating`). A seal covers the group with the manifest, another one each task
+All metadata are written before the first task, and never changed. A task writes one chunk (file) of each
+variable, the status last; so a task is done if its status file exists. The group's attribute `study` is the
+manifest: the description of the study, the layout of its results, and the hashes of all other files that were
+written before the first task (`creating`). One seal covers the group and its manifest, and one seal each task
 (`sealing`).
 """
 
@@ -47,17 +47,21 @@ from .sealing import SEAL, checks_of, file_hash, key_of, store_seal, task_seal
 if TYPE_CHECKING:
     import xarray as xr
 
-FORMAT = 2
-# s, after which a partial chunk counts as abandoned.
+FORMAT = 2  # version of the store's format, written to the manifest
+# Age of a partial chunk file after which its writer is taken to be dead, s.
 ABANDONED = 86_400.0
-# Name of a file that asks all runs to stop when it is made or changed.
+# Name of a file in the store; all runs of the study stop when it is created or its time changes.
 STOP = ".stop"
-_NUMBER = re.compile("0|[1-9][0-9]{0,8}")  # below 1e9, as tasks are
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_NUMBER = re.compile("0|[1-9][0-9]{0,8}")  # file names that are a task's index along a dimension, below 1e9
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors of the operating system for lack of disk space
 
 
 class Store:
-    """A store, known from its manifest.
+    """An opened store of a study; opening reads and checks its manifest.
+
+    `about` has the attributes of the Zarr group, `title` and `description` those of the study, `identity` the
+    hash of the description, `layout` the layout of the results, and `files` the hash of each other metadata
+    file by its path in the store.
 
     Raises:
         StudyError: the folder is not a store of a study, or its metadata are damaged.
@@ -102,7 +106,7 @@ class Store:
             raise self._no_store(error) from None
 
     def _no_store(self, error: Exception) -> StudyError:
-        said = f": {error}" if isinstance(error, ValueError) else ""  # other errors have Python's wording
+        said = f": {error}" if isinstance(error, ValueError) else ""  # only a ValueError's text is for users
         return StudyError(f"{self.path} is no store of a study, or its zarr.json is damaged{said}")
 
     def _damaged(self, name: str, said: str) -> StudyError:
@@ -112,7 +116,7 @@ class Store:
         )
 
     def _check_file(self, name: str) -> None:
-        """Raise StudyError if a file that the manifest lists is not as it was written."""
+        """Raise StudyError if the metadata file `name` that the manifest lists is changed or missing."""
         try:
             if not all(part.isidentifier() or part in ("zarr.json", "0") for part in name.split("/")):
                 raise ChunkError("has no name of a file in it")
@@ -122,7 +126,7 @@ class Store:
             raise self._damaged(name, str(error)) from None
 
     def check(self, description: Mapping[str, Any], task: int | None = None) -> None:
-        """Raise StudyDiffers where the store is of another study."""
+        """Raise StudyDiffers if the store is of another study, or has tasks of more than `task` members."""
         if self.identity != identity(description):
             said = differences(self.description, json.loads(json.dumps(description)))
             more = f"; and {len(said) - 4} more" if len(said) > 4 else ""
@@ -133,10 +137,10 @@ class Store:
             )
 
     def done(self) -> NDArray[np.bool_]:
-        """Return whether each task is done, from the files that are there: a layout may have far more.
+        """Return a boolean array [tasks], True for each finished task: its status file exists.
 
         Raises:
-            StudyError: they are not in the store.
+            StudyError: a folder of the status files leads out of the store.
         """
         layout, status = self.layout, self.layout.variables[-1]
         found = np.zeros(layout.tasks, dtype=bool)
@@ -149,7 +153,7 @@ class Store:
         return found
 
     def damage(self, number: int) -> str:
-        """Return the damage of a finished task; empty for a whole one."""
+        """Read all chunks of finished task `number`; return a description of its damage, "" if undamaged."""
         try:
             for variable in self.layout.variables:
                 self._content(variable, number)
@@ -158,28 +162,28 @@ class Store:
         return ""
 
     def lacks(self, number: int) -> str:
-        """Return the missing part of a finished task, without reading it; empty for a complete one."""
+        """Return a description of a missing file of task `number`, "" if all exist; nothing is read."""
         gone = (one.name for one in self.layout.variables if not self._file(one, number).exists())
         return next((f"{name} is missing" for name in gone), "")
 
     def check_known(self) -> None:
-        """Raise StudyError where what varies, or another coordinate, is not as it was written."""
+        """Raise StudyError if metadata, varied values or other coordinates are changed or missing."""
         for name in self.files:
             self._check_file(name)
 
     def check_results(self) -> None:
-        """Raise StudyError where what was written is not as it was: readers take what is gone for empty."""
+        """Raise StudyError if anything is damaged: readers take a missing chunk for uncomputed results."""
         self.check_known()
         for number in np.flatnonzero(self.done()).tolist():
             if damage := self.damage(number):
                 raise StudyError(self.repair(number, damage))
 
     def repair(self, number: int, damage: str) -> str:
-        """Return the message for a damaged task, with the way to repair it."""
+        """Return the error message for a damaged task, given its number, with the way to repair it."""
         return f"{self.path}: task {number}: {damage}: run the study again, which computes it anew"
 
     def forget(self, number: int) -> None:
-        """Mark a task as not done; raises StudyError where its status file is not in the store."""
+        """Mark a task as not done by removing its status file; raises StudyError."""
         self._written(self.layout.variables[-1], number).unlink(missing_ok=True)
 
     def write(self, number: int, found: xr.Dataset, varied: Mapping[str, NDArray[np.float64]]) -> None:
@@ -188,7 +192,7 @@ class Store:
         Args:
             number: number of the task.
             found: results over "member"; the status is written last.
-            varied: values of each name along its own dimension.
+            varied: values of the random quantities by name, arrays along the dimension "member".
 
         Raises:
             StudyError: the disk is full, or a link leads out of the store.
@@ -222,13 +226,13 @@ class Store:
         found: xr.Dataset,
         varied: Mapping[str, NDArray[np.float64]],
     ) -> NDArray[Any]:
-        """Return a variable's part of the results of a task, filled up to the shape of a chunk."""
+        """Return a variable's values in a task, padded to the shape of a chunk; arguments as for `write`."""
         layout, place = self.layout, self.layout.place(number)
         if variable.name in varied:
             values = varied[variable.name]
         elif variable.name in found:
             values = found[variable.name].transpose("member", ...).values
-        else:  # of members that all failed, a user's function says nothing
+        else:  # a user's function gives no results if all members of the task failed
             values = np.array(variable.missing)
         parts = [place[dim].stop - place[dim].start for dim in variable.dims]
         shape = (*parts, *(size for _, size in variable.inner))
@@ -241,8 +245,10 @@ class Store:
         return whole
 
     def read(self, number: int, variable: StudyVariable) -> NDArray[Any]:
-        """Return the numbers or texts of one variable of a task, over the variable's dimensions; raises
-        ChunkError."""
+        """Return the numbers or texts of one variable in a task, over the variable's dimensions.
+
+        Raises ChunkError if they are damaged.
+        """
         data, place = self._content(variable, number), self.layout.place(number)
         if variable.dtype == TEXT:
             whole = texts_of(variable.name, data, math.prod(self.layout.chunk(variable)))
@@ -252,11 +258,11 @@ class Store:
         return whole.reshape(self.layout.chunk(variable))[there]
 
     def copy(self, other: Store, number: int) -> None:
-        """Write a task of another store of the same study.
+        """Copy the chunks of a task from another store of the same study.
 
         Raises:
-            ChunkError: it is damaged.
-            StudyError, OSError: it cannot be written.
+            ChunkError: a chunk is damaged.
+            StudyError, OSError: a chunk cannot be written.
         """
         for variable in self.layout.variables:
             size = None if variable.dtype == TEXT else self.layout.size(variable)
@@ -264,7 +270,10 @@ class Store:
             write_chunk(self._written(variable, number), data)
 
     def _content(self, variable: StudyVariable, number: int) -> bytes:
-        """Return the content of a chunk that is where it belongs, texts packed; raises ChunkError."""
+        """Return the content of a chunk, texts still compressed.
+
+        Raises ChunkError if it is damaged, missing, or not the one that the task's seal lists.
+        """
         size = None if variable.dtype == TEXT else self.layout.size(variable)
         data = _chunk(variable.name, self.path, self.layout.key(variable, number), size)
         comment, packed = self._sealed(number, data if variable.dtype == TEXT else None)
@@ -276,8 +285,10 @@ class Store:
         return content
 
     def _sealed(self, number: int, data: bytes | None) -> tuple[dict[str, int], bytes]:
-        """Return the checksums that the seal of a task lists, and the task's packed texts (`data`, if they
-        were read already)."""
+        """Return the checksums that a task's seal lists, by variable, and the task's compressed texts.
+
+        `data` is the chunk of texts, whose header contains the seal; None: it is read. Raises ChunkError.
+        """
         name = self._text.name
         if data is None:
             data = _chunk(name, self.path, self.layout.key(self._text, number), None)
@@ -288,9 +299,9 @@ class Store:
             raise ChunkError(f"{name} {error}") from None
 
     def coordinates(self) -> dict[str, tuple[StudyVariable, NDArray[np.float64]]]:
-        """Return the varied values known in advance: grids, draws, and coordinates of results, such as time.
+        """Return variable and values of each grid, draw or coordinate of results (such as time), by name.
 
-        Raises StudyError.
+        Raises StudyError if one is damaged.
         """
         self.check_known()
         known = {name.partition("/")[0] for name in self.files} - {one.name for one in self.layout.variables}
@@ -313,7 +324,7 @@ class Store:
 
     def stop(self) -> None:
         """Ask all processes that work on the study, on any machine, to end."""
-        if (self.path / STOP).is_symlink():  # never write outside of the store
+        if (self.path / STOP).is_symlink():  # a link could lead out of the store
             (self.path / STOP).unlink()
         (self.path / STOP).touch()
         os.utime(self.path / STOP)
@@ -329,12 +340,12 @@ class Store:
             return 0
 
     def written(self) -> NDArray[np.float64]:
-        """Return the times at which the finished tasks were written, s (Unix time)."""
+        """Return the time at which each finished task was written, an array of Unix times, s."""
         files = (self._file(self.layout.variables[-1], int(i)) for i in np.flatnonzero(self.done()))
         return np.array([file.stat().st_mtime for file in files])
 
     def tidy(self) -> None:
-        """Remove old partial chunks of processes that were killed."""
+        """Remove partial chunk files older than `ABANDONED`, which killed processes have left."""
         for file in self.path.rglob(f".*{PART}"):
             with contextlib.suppress(OSError):
                 if time.time() - file.stat().st_mtime > ABANDONED:
@@ -344,13 +355,12 @@ class Store:
         return self.path / self.layout.key(variable, number)
 
     def _written(self, variable: StudyVariable, number: int) -> Path:
-        """Return the path at which a chunk is written or removed; raises StudyError for a folder outside of
-        the store."""
+        """Return the path at which a chunk is written or removed; raises StudyError as `_place`."""
         folder, _, name = self.layout.key(variable, number).rpartition("/")
         return self._place(folder) / name
 
     def _place(self, name: str) -> Path:
-        """Return the path of a folder of the store; raises StudyError for one outside."""
+        """Return the path of a folder of the store; raises StudyError if a link leads out of the store."""
         try:
             return in_store(self.path, name)
         except ChunkError as error:
@@ -358,7 +368,7 @@ class Store:
 
 
 def _numbers(folder: Path) -> list[int]:
-    """Return the names in a folder that are numbers; none if it is no folder."""
+    """Return the file names in a folder that are whole numbers, as integers; [] if there is no folder."""
     try:
         return [int(one) for one in os.listdir(folder) if _NUMBER.fullmatch(one)]
     except OSError:
@@ -366,7 +376,7 @@ def _numbers(folder: Path) -> list[int]:
 
 
 def _chunk(name: str, store: Path, file: str, size: int | None) -> bytes:
-    """Read a chunk as `read_chunk`, with the name of the variable in a ChunkError."""
+    """Read the chunk `file` as `read_chunk` does; the message of a ChunkError names the variable `name`."""
     try:
         return read_chunk(store, file, size)
     except ChunkError as error:
@@ -374,10 +384,10 @@ def _chunk(name: str, store: Path, file: str, size: int | None) -> bytes:
 
 
 def has_arrays(path: Path) -> bool:
-    """Return whether a folder has arrays of a store, which may have lost its own zarr.json."""
+    """Return True if a folder contains arrays of a store, even if the store's own zarr.json is lost."""
     for file in path.glob("*/zarr.json"):
         with contextlib.suppress(ChunkError):
-            # an array, not a group
+            # the metadata of a group name its type; all others are arrays
             if b'"node_type": "group"' not in plain_bytes(path, f"{file.parent.name}/{file.name}"):
                 return True
     return False

@@ -1,4 +1,4 @@
-"""Tasks of a study, each of which computes and writes some members; and the data that a worker needs."""
+"""Computation of one task of a study (some of its members), and the data that a worker needs for it."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Done(NamedTuple):
 
 
 class Load(NamedTuple):
-    """Data given to a worker once.
+    """Data given to a worker once, before its first task.
 
-    Fields: `study`, pickled; `files`, name and content of the user's own files that it needs; `store`, the
-    path of the store; `version` of the package and `identity` of the study, which must be the same on the
-    worker; `folders` of the user's modules.
+    Fields: `study`, pickled; `files`, path and content of the user's files that it needs; `store`, the
+    path of the store; `version` of the package and `identity` (hash) of the study, which must be the same on
+    the worker; `folders`, the worker's search path for Python modules, empty to keep its own.
     """
 
     study: bytes
@@ -42,7 +42,13 @@ class Load(NamedTuple):
 
 
 def load_of(study: Study, store: Store, folders: Sequence[str] = ()) -> Load:
-    """Return the data for a worker; raises StudyError if the study cannot be sent."""
+    """Return the data for a worker; raises StudyError if the study cannot be sent.
+
+    Args:
+        study: the study.
+        store: store of the study.
+        folders: search path of Python modules for workers on this machine; empty for other machines.
+    """
     functions = [study.summary, getattr(study.measure, "function", None)]
     own = [one.path for one in functions if isinstance(one, OwnFunction)]
     files = files_of([*own, *law_files(getattr(study.measure, "model", None))])
@@ -62,7 +68,8 @@ def received(load: Load) -> tuple[Study, Store]:
     """Return the study and its store on a worker.
 
     Raises:
-        StudyError: the worker has another package, law or function, or does not see the store.
+        StudyError: the worker has another version of the package, or does not see the store.
+        StudyDiffers: the worker has another friction law, function or compiled engine.
     """
     if load.version != __version__:
         raise StudyError(f"the worker has stickslip {__version__}, the study {load.version}")

@@ -1,7 +1,8 @@
-"""A worker of this machine: a process that reads a study from its standard input, then tasks by number.
+"""Worker process of this machine: it reads a study, then numbers of tasks, from its standard input.
 
-It answers each with a line of JSON. It ends when its input does: a study whose process was killed leaves
-no process behind.
+It answers each number with a line of JSON: `done` with the task's report, or `error` with a text (and `final`
+if no other task can succeed either). The process ends when its input ends, so that no worker remains after
+the study's process was killed.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ from .task import Load, received, run_task
 
 def main() -> None:
     """Read a `Load` from standard input, report ready, then compute each task whose number arrives."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent process, which then ends this one
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent process, which ends this one
     if hasattr(signal, "pthread_sigmask"):  # not available on Windows
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see `sigint_blocked`
-    # Output of a user's function must not mix with the answers.
+        # The parent has started this process with SIGINT blocked (`sigint_blocked`).
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    # Printed output of a user's function goes to standard error, so that it does not mix with the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     load: Load = pickle.load(sys.stdin.buffer)
