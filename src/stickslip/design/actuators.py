@@ -64,8 +64,9 @@ def optimise_actuator(
         output: limits of slope, current and frequency, for all models or by the names of the models.
         uncertainty: uncertainty of the model, of which `draws` draws are further conditions; only for a
             single model.
-        holding_force: smallest holding force of the contact (Coulomb force times "load"), N.
-        budget: number of candidates in the search of each model.
+        holding_force: holding force that the contact must have at least (Coulomb force times "load"), N.
+        budget: number of candidates in the search for each model. With several conditions, further rounds
+            compute up to half as many, and then up to a sixth.
         seed: seed of the search.
 
     Returns:
@@ -114,7 +115,13 @@ def optimise_actuator(
 
 
 def _of(output: Any, name: str, models: Mapping[str, Actuator]) -> OutputStage | None:
-    """Return the output stage of one model by name, from one stage for all or a mapping by name."""
+    """Return the output stage of the model `name`.
+
+    Args:
+        output: one stage (or None) for all models, or a mapping of stages by the names of the models.
+        name: name of the model.
+        models: all models by name, which must be the names of the mapping.
+    """
     if not isinstance(output, Mapping):
         return output
     if {*output} != {*models}:
@@ -129,15 +136,29 @@ def _allowed(
     output: OutputStage | None,
     frequency: tuple[float, float] | None,
 ) -> Allowed:
-    """Return the drives allowed for all models within the ranges; if no frequencies are given, they cover all
-    models."""
+    """Return the limits of the drive for all actuators of a design space.
+
+    Voltages and slope are those of the given model. The frequency range covers the given model and the models
+    at the lower and at the upper ends of all parameter ranges.
+
+    Args:
+        space: free parameters with their ranges.
+        low, high: voltage limits, V; None: the model's.
+        output: output stage; None: without limits.
+        frequency: frequency range (low, high), Hz; None: a range that follows from each model.
+    """
     models = [space.model, built(space, space.low), built(space, space.high)]
     each = [allowed(model, low, high, output, frequency) for model in models]
     return each[0]._replace(slowest=min(a.slowest for a in each), fastest=max(a.fastest for a in each))
 
 
 class _Search(NamedTuple):
-    """Search for one model, with `minimum_speed` [m/s], `holding_force` [N] and the `scale` of the goal."""
+    """Search for the free parameters of one model and its sawtooth.
+
+    Fields: `name` of the model; `space`, the free parameters; `allowed` drives; `conditions` in which a
+    candidate is judged; required `minimum_speed` [m/s] and `holding_force` [N], 0 for none; `scale`, the size
+    of a typical value of the goal, which normalises penalties and gains.
+    """
 
     name: str
     space: DesignSpace
@@ -188,13 +209,18 @@ class _Search(NamedTuple):
         )
 
     def _searched(self) -> Searched:
-        """Return the search for a drive of the unchanged model."""
+        """Return the search for a drive of the unchanged model, with the same goal, limits and conditions."""
         model, conditions = self.space.model, self.conditions
         return Searched(model, self.goal, self.allowed, conditions, self.minimum_speed, 0.0, self.threads)
 
     def merits(self, x: Array, which: Index) -> Array:
-        """Return the merits of candidates [n, rise, frequency and shares of the ranges] in the conditions
-        `which`, to be maximised."""
+        """Return the merits of candidates, to be maximised, (n, conditions); NaN without a steady motion.
+
+        Args:
+            x: candidates (n, 3 + names), each coordinate from 0 to 1: rise, frequency and swing of the
+                sawtooth, then the position of each free parameter within its range.
+            which: indices of the conditions.
+        """
         shapes, values = sawtooths(x[:, :DRIVE], self.allowed), self.space.values(x[:, DRIVE:])
         columns = self.space.columns(values, self.conditions.part(which))
         ways = moved(self.space.model, shapes, {}, self.threads, columns, extras_of(self.goal))
@@ -203,7 +229,12 @@ class _Search(NamedTuple):
         return found - SHORTFALL * self.scale * short[:, None]
 
     def held(self, values: Array) -> Array:
-        """Return the holding force of each candidate's contact [n, names], relative to `holding_force`."""
+        """Return the holding force of each candidate's contact over the required `holding_force`, shape (n,);
+        infinite if none is required.
+
+        Args:
+            values: values of the free parameters, SI, shape (n, names).
+        """
         fields, model = self.space.fields(values), self.space.model
         if not self.holding_force:
             return np.full(len(values), np.inf)
@@ -215,7 +246,7 @@ class _Search(NamedTuple):
         and its values [names]."""
         shape = sawtooths(drive[None], self.allowed)
         columns = {n: c[0] for n, c in self.space.columns(values[None], self.conditions.columns).items()}
-        # limits only differ by rounding
+        # The drive keeps the voltage limits except for rounding errors; the model would refuse even those.
         unbound = self.space.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
         ways = exactly(unbound, [shape.one(0)], columns, self.threads, extras_of(self.goal))
         return self.goal.of(shape, ways)[0], ways.steps[0] / shape.period[0]

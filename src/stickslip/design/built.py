@@ -18,16 +18,23 @@ from .scenarios import ScenarioTable
 from .space import DesignSpace, built
 
 Array = NDArray[np.float64]
-# Distance to an end of its range, relative to the range, below which a number counts as at the end.
+# Largest distance of a value from an end of its range, relative to the range, that is reported as at the end.
 AT_END = 1e-3
 
 
 class Built(NamedTuple):
     """Best result for one model.
 
-    Fields: `found` values [names of the space]; `waveform`; goal and speed [m/s] in every condition; the goal
-    `before`, with the model's own values and their best sawtooth; and `interrupted`, True if the search was
-    stopped (Ctrl-C): then it is the best until then.
+    Attributes:
+        name: name of the model; empty if a single one was given.
+        space: free parameters of the model and their ranges.
+        found: best values of the free parameters, SI, in the order of `space.names`.
+        waveform: best sawtooth with these values.
+        conditions: conditions in which candidates were judged.
+        values, speeds: goal [SI] and speed [m/s] in every condition.
+        before: goal in every condition with the model's own values and the best sawtooth for them.
+        evaluations: number of computed periodic motions.
+        interrupted: True if Ctrl-C stopped the search; the result is then the best one found so far.
     """
 
     name: str
@@ -62,7 +69,7 @@ class OptimisedActuator:
 
     @property
     def name(self) -> str:
-        """Return the name of the best model, if several were given."""
+        """Return the name of the best model; empty if a single model was given without a name."""
         return self.best.name
 
     @property
@@ -94,14 +101,16 @@ class OptimisedActuator:
 
     @property
     def given_value(self) -> float:
-        """Return the goal of the given model with its own best sawtooth, SI."""
+        """Return the goal that the best model reaches with its given values and the best sawtooth for them,
+        in the worst condition, SI."""
         return self._worst(self.best.before)
 
     @property
     def table(self) -> Any:
         """Return the free parameters of the best model, as a pandas DataFrame.
 
-        Columns: given, found, low, high (SI), and the end of its range at which a value is.
+        Columns: given, found, low, high (SI), unit, and `at`: "low" or "high" if the found value is at that
+        end of its range, otherwise empty.
         """
         space, found = self.best.space, self.best.found
         columns = {"given": space.given, "found": found, "low": space.low, "high": space.high}
@@ -163,6 +172,6 @@ def _frame(index: str, labels: Sequence[str], columns: dict[str, Array]) -> Any:
 
 
 def _ends(space: DesignSpace, found: Array) -> list[str]:
-    """Return for each value the end of its range at which it is, or an empty text."""
+    """Return for each found value [names] "low" or "high" if it is at that end of its range, otherwise ""."""
     shares = space.shares(found)
     return ["low" if s < AT_END else "high" if s > 1.0 - AT_END else "" for s in shares.tolist()]

@@ -17,26 +17,34 @@ from ..waveform import ReverseSawtooth, Sawtooth
 from ..waveform import Sequence as Parts
 from ..waveform.signal import Waveform, value_at
 
-# Voltages as shares of the largest voltage.
+# Amplitudes of the grid's sawtooths, which start at 0 V, as shares of the largest allowed voltage.
 VOLTAGES = (0.4, 0.6, 0.8, 1.0)
-# Frequencies, Hz. None divides a usual sample rate, so that periods are sampled at different instants.
+# Frequencies of the grid, Hz. All but the first are primes that divide no usual sample rate, so that
+# successive periods are sampled at different phases.
 FREQUENCIES = (5.0, 11.0, 23.0, 47.0, 97.0, 197.0, 397.0)
 RISES = (1.0, 0.8, 0.65)
-# Duration of a burst in one direction, s, and fewest periods: with one forward and one back, the jumps
-# between periods would be missing.
+# Duration of a burst in one direction, s, and fewest periods of a burst: a single period in each direction
+# would not contain the jump from one period to the next.
 BURST, FEWEST = 0.05, 2
-# Hz, update rate at which the slope of a drive is checked: that of a rig's output.
+# Rate, Hz, at which a drive is sampled to check its slope: the usual update rate of a rig's output.
 UPDATES = 20e3
 
 
 def sawtooths(
     limits: Limits, slew_rate: float, duration: float, sample_rate: float, noise: float
 ) -> dict[str, PlannedWalk]:
-    """Return a grid of recordings: bursts of a sawtooth forward and back, over voltage, frequency and share
-    of the rise.
+    """Return a grid of planned recordings by name: bursts of a sawtooth forward and back, over voltage,
+    frequency and share of the rise; empty if none fits.
 
     The bursts bring the end-effector back. With flanks that are not jumps, such recordings contain twice as
-    much information as one long walk. Flanks are not steeper than the slew rate [V/s].
+    much information as one long walk.
+
+    Args:
+        limits: limits of the output, whose largest voltage scales the grid.
+        slew_rate: slope of the amplifier, V/s, which no flank exceeds.
+        duration: duration of each recording, s.
+        sample_rate: sample rate of the position, Hz.
+        noise: standard deviation of a sample of the position, m.
     """
     found = {}
     for share in VOLTAGES:
@@ -127,8 +135,8 @@ def refused(walk: PlannedWalk, limits: Limits, name: str) -> str:
 
 
 def beyond(low: float, high: float, limits: Limits, unit: str) -> str:
-    """Return the reason why positions from `low` to `high` violate the limits; an empty text if they do
-    not."""
+    """Return the reason why positions from `low` to `high` [m, or rad] violate the position limits; an empty
+    text if they do not. `unit` is the unit of the positions in the text."""
     if low >= limits.min_position and high <= limits.max_position:
         return ""
     ends = [with_prefix(x, unit, 3) for x in (low, high, limits.min_position, limits.max_position)]

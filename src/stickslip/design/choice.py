@@ -16,9 +16,10 @@ Over = Literal["worst", "mean"]
 
 # Largest number of rounds of exchanges; each improves the set, and few are needed.
 MOST_ROUNDS = 20
-# Largest number of sets that start with one candidate each.
+# Number of the best single candidates from each of which a set is built; the best one of each draw is added.
 MOST_BEGINS = 64
-# Substitute for an infinite logarithm, for each parameter combination that is not identified.
+# Score, instead of infinity, of a set that does not identify the goal: multiplied by 1 + the number of
+# unidentified parameter combinations, so that such sets can be ranked.
 UNTOLD = 1e6
 
 
@@ -27,7 +28,8 @@ class PlanGoal(NamedTuple):
 
     Attributes:
         name: the goal in words.
-        own: mask [k] of the coordinates that belong to the actuator.
+        own: mask [k] of the coordinates that belong to the actuator, not to the position channel; without
+            parameters that no candidate identifies.
         gradients: derivatives of the goal quantity by the coordinates [draws, k]; None: all parameters
             together (D-optimal).
     """
@@ -64,9 +66,11 @@ def criterion(of: Seen, goal: PlanGoal) -> Array:
 
 
 def score(of: Seen, goal: PlanGoal, over: Over) -> Array:
-    """Return the number that a choice minimises: the worst or mean `criterion` over the draws.
+    """Return the score of each set of recordings, which a choice minimises: the worst or mean `criterion`
+    over the draws of the parameters.
 
-    The criterion is corrected for the duration, so that sets of recordings are compared at equal time.
+    Half the logarithm of the duration is added, so that sets of recordings are compared at equal measuring
+    time.
     """
     found = criterion(of, goal) + 0.5 * np.log(of.duration)
     # If no set identifies the goal, choose the set with the fewest unidentified parameter combinations.
@@ -77,13 +81,20 @@ def score(of: Seen, goal: PlanGoal, over: Over) -> Array:
 
 
 def chosen(of: Seen, goal: PlanGoal, over: Over, count: int) -> list[int]:
-    """Return the best set of `count` candidates [draws, candidates]; a candidate may be taken several times.
+    """Return the indices of the best set of `count` candidates; a candidate may be taken several times.
 
-    Its first one, two, ... candidates are good sets too.
+    They are in the order of their information, so that the first one, two, ... are good sets too.
+
+    Args:
+        of: information of all candidates, arrays [draws, candidates, ...].
+        goal: quantity whose expected error is minimised.
+        over: "worst" or "mean" over the draws.
+        count: number of recordings.
     """
     alone = criterion(of, goal) + 0.5 * np.log(of.duration)
-    # If draws need different recordings, the search seldom gets from the best set for one draw to the best
-    # set for another. And the most informative recording is seldom in the best set for one parameter.
+    # Exchanges seldom lead from the best set for one draw of the parameters to the best set for another, and
+    # the most informative recording is seldom part of the best set for one parameter. So the search is
+    # repeated from many first candidates, including the best one for each draw.
     best = np.argsort(score(of, goal, over), kind="stable")[:MOST_BEGINS]
     begins = dict.fromkeys([*best.tolist(), *np.argmin(alone, axis=1).tolist()])
     found = [_exchanged(of, goal, over, _added(of, goal, over, [first], count)) for first in begins]
@@ -91,14 +102,15 @@ def chosen(of: Seen, goal: PlanGoal, over: Over, count: int) -> list[int]:
 
 
 def _added(of: Seen, goal: PlanGoal, over: Over, taken: list[int], count: int) -> list[int]:
-    """Return `count` candidates, each the best addition to the previous ones."""
+    """Return `taken` (indices) extended to `count` candidates, each the best addition to those before it."""
     while len(taken) < count:
         taken = [*taken, _best(of, goal, over, taken)]
     return taken
 
 
 def _exchanged(of: Seen, goal: PlanGoal, over: Over, taken: list[int]) -> list[int]:
-    """Return the set with candidates exchanged one after the other until no exchange improves it."""
+    """Return the set `taken` (indices) with candidates exchanged one after the other until no exchange
+    improves the score."""
     for _ in range(MOST_ROUNDS):
         before = list(taken)
         for i in range(len(taken)):
@@ -112,7 +124,7 @@ def _exchanged(of: Seen, goal: PlanGoal, over: Over, taken: list[int]) -> list[i
 
 
 def _ordered(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> list[int]:
-    """Return the same set in the order in which each next candidate adds most information."""
+    """Return the same set (indices), ordered so that each next candidate improves the score most."""
     left, order = list(taken), []
     while left:
         best = min(left, key=lambda one: _of(of, goal, over, [*order, one]))
@@ -122,8 +134,8 @@ def _ordered(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> list
 
 
 def together(of: Seen, taken: Sequence[int]) -> Seen:
-    """Return the combined information of several candidates of [draws, candidates, ...], shape [draws,
-    ...]."""
+    """Return the combined information of the candidates with the indices `taken`, arrays [draws, ...], from
+    that of all candidates, arrays [draws, candidates, ...]."""
     found = of.at((slice(None), taken[0]))
     for one in taken[1:]:
         found = found.plus(of.at((slice(None), one)))
@@ -135,7 +147,8 @@ def _of(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> float:
 
 
 def _best(of: Seen, goal: PlanGoal, over: Over, beside: Sequence[int]) -> int:
-    """Return the candidate that adds most to the candidates `beside`; the first of equal ones."""
+    """Return the index of the candidate that improves the score most when it is added to the set `beside`
+    (indices, may be empty); the first of equal ones."""
     if not beside:
         return int(np.argmin(score(of, goal, over)))
     have = together(of, beside)

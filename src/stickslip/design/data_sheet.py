@@ -73,7 +73,8 @@ class DataSheet(NamedTuple):
                 )
 
     def _relations(self) -> Iterator[tuple[str, float, int]]:
-        """Yield each relation in words, its deviation as a factor, and its number of numbers."""
+        """Yield for each relation whose numbers are known: its contradiction in words; the factor by which it
+        is violated (at most 1 if it is kept); and how many numbers of the sheet it contains."""
         of = self.numbers
 
         def known(*names: str) -> bool:
@@ -112,8 +113,8 @@ class DataSheet(NamedTuple):
                 4,
             )
         if known("stall_force", "step", "capacitance") and swing is not None:
-            # A cycle charges the piezo with C U^2; the largest work against a linear load line is F_0 step /
-            # 4.
+            # Charging the piezo in one cycle takes C U^2. The step decreases linearly from no load to the
+            # stall force F_0, so the work per step is largest at half of F_0: F_0 step / 4.
             put_in, taken = of["capacitance"] * swing**2, 0.25 * of["stall_force"] * of["step"]
             said = f"a step against half of {shown('stall_force')} works {with_prefix(taken, 'J', 3)}"
             yield f"{said}, and the piezo is charged with {with_prefix(put_in, 'J', 3)}", taken / put_in, 4
@@ -126,7 +127,7 @@ class DataSheet(NamedTuple):
 
 
 class SheetSource(NamedTuple):
-    """A data sheet with the source of each of its numbers, by name."""
+    """A data sheet, the keys of its references (`citations`), and the source of each number by name."""
 
     sheet: DataSheet
     citations: tuple[str, ...]
@@ -139,7 +140,10 @@ def available_data_sheets() -> tuple[str, ...]:
 
 
 def load_data_sheet(name: str | os.PathLike[str]) -> SheetSource:
-    """Read a data sheet that comes with the package, or a TOML file: a table per number, with its source.
+    """Read a data sheet: a TOML file with a table for each number (value, unit, source).
+
+    Args:
+        name: name of a sheet that comes with the package (`available_data_sheets`), or path of a TOML file.
 
     Raises:
         ParameterSetError: there is no such sheet, or the file is wrong; names file and field.

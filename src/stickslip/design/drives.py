@@ -23,8 +23,12 @@ Array = NDArray[np.float64]
 
 
 def default_drive(model: Actuator, voltage: bool, frequency: bool) -> Sawtooth:
-    """Return a sawtooth from 0 V up, or from the end of the actuator's range closest to 0 V. Voltage and
-    frequency are set later, so the map must vary or set them.
+    """Return a sawtooth of 1 V and 1 Hz that rests at 0 V, or at the end of the actuator's range closest to
+    0 V. The map replaces its voltage and frequency.
+
+    Args:
+        model: the actuator.
+        voltage, frequency: True if the map gives voltage and frequency.
 
     Raises:
         QuantityError: voltage or frequency is missing.
@@ -46,14 +50,15 @@ def drive_columns(
     """Return the fields of the waveform for each member (point of the map), by name.
 
     Args:
-        own: fields of the waveform that the map varies directly.
-        voltage: voltage: difference between the least and the greatest value of the drive, V; its rest value
-            (the middle of a sine, the least value of knots) is unchanged.
-        frequency: Hz.
-        direction: 1, or -1 for the mirror image.
+        waveform: drive of the map.
+        own: fields of the waveform that the map varies directly, by name, arrays [members].
+        voltage: difference between the greatest and the least value of the drive, V, [members]; the rest
+            value (the middle of a sine, the least value of knots) is unchanged. None: as in the waveform.
+        frequency: Hz, [members]; None: as in the waveform.
+        direction: 1, or -1 for the mirror image, [members]; None: 1.
 
     Raises:
-        QuantityError: the waveform has no such field, or the map varies it directly.
+        QuantityError: the waveform has no amplitude or frequency, or `own` varies the same quantity.
     """
     if voltage is None and frequency is None and direction is None:
         return dict(own)
@@ -92,8 +97,8 @@ def _of_knots(
     frequency: Array | None,
     direction: Array | None,
 ) -> dict[str, Array]:
-    """Return the columns of `drive_columns` for knots, stretched in time and in voltage from their lowest
-    value."""
+    """Return the columns of `drive_columns` for `PeriodicKnots`: times in proportion to the period, voltages
+    scaled about the lowest knot, and mirrored within their range for the direction -1."""
     if own:
         raise QuantityError(
             f"{next(iter(own))!r} is a field of the knots: where it varies, voltage, frequency and direction "

@@ -55,16 +55,17 @@ def searched(
     seed: int,
     progress: Progress,
 ) -> PlannedWalk:
-    """Return the most informative recording.
+    """Search for the drive of the most informative recording, and return that recording.
 
     Args:
         asked: options of the search.
-        begin: usual recording from whose drive it starts.
-        limits, slew_rate: limits of the voltage, and slew rate, V/s.
+        begin: recording with a usual sawtooth, from which the search starts and which gives duration, sample
+            rate and noise.
+        limits, slew_rate: limits of the rig's output, and slew rate of the amplifier, V/s.
         told: function that returns the logarithm of the expected error of a recording, to be minimised; NaN
             if the recording cannot be made.
         seed: seed of the search.
-        progress: as for `plan_experiment`.
+        progress: called with activity and finished fraction.
     """
     allowed = of_search.Allowed(
         max(limits.min_voltage, 0.0),
@@ -90,8 +91,8 @@ def searched(
 
 
 def there_and_back(shape: Polygons, duration: float) -> Parts:
-    """Return alternating bursts of the first polygon, and of the same reversed in time, for the duration of
-    the recording [s]."""
+    """Return a drive of alternating bursts: of the first polygon of `shape`, and of the same polygon reversed
+    in time, in as many pairs as the duration [s] holds, at least one."""
     period, n = float(shape.period[0]), shape.volts.shape[1]
     periods = max(FEWEST, round(BURST / period))
     times = tuple((np.arange(n) * period / n).tolist())
@@ -101,7 +102,8 @@ def there_and_back(shape: Polygons, duration: float) -> Parts:
 
 
 def _polygon(walk: PlannedWalk) -> Polygons:
-    """Return the sawtooth with which a recording starts, as a polygon."""
+    """Return the sawtooth of a recording's first burst as a polygon; raise QuantityError if the recording
+    does not start with a sawtooth."""
     saw = walk.drive.parts[0][0] if isinstance(walk.drive, Parts) else None
     if not isinstance(saw, Sawtooth):
         raise QuantityError(

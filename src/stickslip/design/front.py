@@ -1,4 +1,4 @@
-"""Pareto front of two goals: drives of which none is better in both.
+"""Pareto front of two goals: drives for which no other drive is as good in both goals and better in one.
 
 Differential evolution of a population: after each generation the candidates stay that no other one dominates
 in both goals; of crowded candidates some are removed.
@@ -22,7 +22,8 @@ from .sawtooth import best_sawtooth
 from .search import Judge, Task, robust
 from .searched import Searched
 
-# Length of a step along the difference of two others; and probability that a number of a candidate changes.
+# Differential evolution: weight of the difference of two candidates that is added to a third one; and
+# probability that a coordinate of a candidate is replaced.
 FACTOR, CHANCE = 0.5, 0.7
 # Number of candidates in the search for the first goal alone: its result and flatter copies start the
 # population.
@@ -31,13 +32,13 @@ FIRST = 1000
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """Drives, in order of the first goal.
+    """Pareto front of two goals: drives from the worst to the best value of the first goal.
 
     Attributes:
-        waveforms: one for each point.
+        waveforms: drive of each point of the front.
         table: over "point", a variable for each goal, in SI, in its worst condition; `frequency`, Hz.
-        evaluations: periodic motions that were solved for.
-        interrupted: whether it was stopped (Ctrl-C) before its end: this is the front until then.
+        evaluations: number of computed periodic motions.
+        interrupted: True if Ctrl-C stopped the search; the front is then the best one found so far.
     """
 
     waveforms: tuple[PeriodicKnots, ...]
@@ -49,7 +50,16 @@ class Front:
 def front_of(
     searched: list[Searched], count: int, points: int, generations: int, seed: int, progress: Progress
 ) -> Front:
-    """Return the front of two searches that differ only in their goal."""
+    """Return the Pareto front of two goals.
+
+    Args:
+        searched: two searches that differ only in their goal.
+        count: number of knots of a drive.
+        points: number of candidates in the population, and largest number of points of the front.
+        generations: number of generations.
+        seed: seed of the search.
+        progress: called after each generation with activity and finished fraction.
+    """
     random = np.random.default_rng([seed, 2])
     one = searched[0].scaled(random)
     allowed, conditions = one.allowed, len(one.conditions.names)
@@ -72,7 +82,7 @@ def front_of(
         while done < generations and not interrupted:
             a, b, c = (x[random.permutation(points)] for _ in range(3))
             moved = np.where(random.random(x.shape) < CHANCE, a + FACTOR * (b - c), x)
-            moved = np.clip(1.0 - np.abs(1.0 - np.abs(moved)), 0.0, 1.0)  # reflected at the bounds
+            moved = np.clip(1.0 - np.abs(1.0 - np.abs(moved)), 0.0, 1.0)  # reflect at the bounds 0 and 1
             every, found = np.concatenate([x, moved]), np.concatenate([merits, _merits(searched, moved)])
             stay = selected(found, points)
             x, merits = every[stay], found[stay]
@@ -86,7 +96,8 @@ def front_of(
 
 
 def _merits(searched: list[Searched], x: Array) -> Array:
-    """Return both goals of each candidate in their worst conditions [n, 2]; minus infinity without motion."""
+    """Return the merits (to be maximised) of candidates in both goals, each in its worst condition, [n, 2];
+    minus infinity if a condition has no periodic motion. `x` are points of `knots` [n, coordinates]."""
     one = searched[0]
     shapes = knots(x, one.allowed)
     extras = extras_of(*(of.goal for of in searched))
@@ -97,8 +108,8 @@ def _merits(searched: list[Searched], x: Array) -> Array:
 
 
 def selected(merits: Array, count: int) -> Any:
-    """Return the rows that stay in the population: front by front, and from the last front those in the least
-    crowded places."""
+    """Return the indices of the `count` candidates that stay in the population, from merits [n, 2]: front by
+    front, and from the last front the candidates in the least crowded places."""
     left, stay = np.arange(len(merits)), list[int]()
     while len(stay) < count:
         front = left[unbeaten(merits[left])]
@@ -111,15 +122,16 @@ def selected(merits: Array, count: int) -> Any:
 
 
 def unbeaten(merits: Array) -> Any:
-    """Return the rows [n] that no other row dominates."""
+    """Return a mask [n] of the candidates, from merits [n, goals], that are not dominated: no other one is at
+    least as good in all goals and better in one."""
     as_good = (merits[:, None, :] >= merits[None, :, :]).all(axis=2)
     better = (merits[:, None, :] > merits[None, :, :]).any(axis=2)
     return ~(as_good & better).any(axis=0)
 
 
 def _gaps(merits: Array) -> Array:
-    """Return, for rows in order, the relative distance between the neighbours of each; infinite at the
-    ends."""
+    """Return the crowding distance of each candidate, from merits [n, goals] sorted along the front: the
+    distance between its two neighbours relative to the range, summed over the goals; infinite at the ends."""
     gaps = np.full(len(merits), np.inf)
     fine = np.where(np.isfinite(merits), merits, 0.0)
     span = np.maximum(np.ptp(fine, axis=0), 1e-300)
@@ -128,7 +140,14 @@ def _gaps(merits: Array) -> Array:
 
 
 def _exact(searched: list[Searched], x: Array, spent: int) -> Front:
-    """Return the front at the final tolerance; drives that are then dominated are left out."""
+    """Return the front, computed again at the tolerances of a result; drives that are then dominated, or have
+    no periodic motion, are left out.
+
+    Args:
+        searched: searches of both goals.
+        x: candidates, points of `knots` [n, coordinates].
+        spent: number of periodic motions computed so far.
+    """
     one = searched[0]
     shapes = knots(x, one.allowed)
     drives = [shapes.one(i) for i in range(len(x))]

@@ -33,7 +33,8 @@ def waveform_front(
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> Front:
-    """Return the Pareto front of two goals: drives of which none is better than another in both.
+    """Return the Pareto front of two goals: drives for which no other drive is as good in both goals and
+    better in one.
 
     Args:
         goals: two goals, the first of which requires motion, such as ("speed", design.Current("1.4 uF")).
@@ -41,10 +42,12 @@ def waveform_front(
         points: largest number of points of the front.
         generations: number of generations, each with `points` candidates.
         model, knots, max_voltage, min_voltage, frequency, output, scenarios, seed, threads, progress: as for
-            `optimise_waveform`; of the output's updates only the range of frequencies and slopes counts.
+            `optimise_waveform`. The output only limits slopes and frequencies: drives are not rounded to its
+            updates and do not pass its amplifier.
 
     Raises:
-        QuantityError: not two goals, or see `optimise_waveform`.
+        QuantityError: there are not two goals, the first one requires no motion, or as for
+            `optimise_waveform`.
     """
     low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
     hertz = frequencies(frequency)

@@ -1,9 +1,9 @@
 """Goals of a drive signal as records; each gives one number per signal and condition.
 
-`of(shapes, moved)` returns the numbers [n, conditions] of polygons and their motion; `sign` is +1
-for goals to be maximised; `extras` names further quantities (ripple). Goals of the voltage
-alone (current, heat) are the same under all conditions, and belong to the signal at the amplifier's
-input.
+`of(shapes, moved)` returns the numbers [n, conditions] of n polygons and their periodic motion;
+`sign` is +1 if the number is to be maximised and -1 if it is to be minimised; `extras` names
+results of the motion besides the net step ("ripple", "backward_rate"). Goals of the voltage alone
+(current, heat) are the same under all conditions, and belong to the signal at the amplifier's input.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 
 
 class Goal(Protocol):
-    """Interface of a goal: `label` and `unit` for reports; `moves`, True if the goal requires motion; see the
-    module."""
+    """Interface of a goal: `label` and `unit` for reports; `sign`, +1 or -1, of a goal to be maximised or
+    minimised; `moves`, True if the goal requires motion; `of`, its numbers [n, conditions]."""
 
     @property
     def label(self) -> str: ...
@@ -90,7 +90,8 @@ class Current(NamedTuple):
 
 
 class Heat(NamedTuple):
-    """Goal: smallest mean loss in the stack, W, by the hysteresis of closed cycles (see `electronics`)."""
+    """Goal: smallest mean loss in the piezo stack, W: the hysteresis loss of all closed cycles of the voltage
+    in a period (`Stack.cycle_loss`), over the period."""
 
     stack: Stack
 
@@ -135,7 +136,8 @@ OTHERS = {
 
 
 def extras_of(*goals: Any) -> tuple[str, ...]:
-    """Return the names of the quantities besides the net step that goals need."""
+    """Return the names of the results of a motion, besides the net step, that goals need: "ripple",
+    "backward_rate"."""
     return tuple(dict.fromkeys(name for goal in goals for name in getattr(goal, "extras", ())))
 
 
@@ -145,18 +147,16 @@ def direction_of(goal: Any) -> float:
 
 
 def swings_of(goal: Any) -> tuple[float, ...]:
-    """Return the amplitudes at which a search for a sawtooth starts, as shares of the voltage range.
-
-    For the speed, this is only the whole range.
-    """
+    """Return the amplitudes at which a search for a sawtooth starts, as shares of the voltage range; for the
+    speed only 1, the whole range."""
     return getattr(goal, "swings", (1.0, 0.5, 0.25))
 
 
 def goal_of(given: Any) -> Any:
-    """Return the goal with that name, or the goal itself.
+    """Return the goal with a given name, or a given goal itself.
 
     Raises:
-        QuantityError: the name is unknown, or the goal needs numbers.
+        QuantityError: no goal is given, the name is unknown, or a goal of this name needs arguments.
     """
     if given is None:
         raise QuantityError(f"a goal is needed: {', '.join(NAMED)}, or one of {', '.join(OTHERS.values())}")

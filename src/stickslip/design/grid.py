@@ -28,11 +28,12 @@ AXES = {
 
 
 class MapGrid(NamedTuple):
-    """Grid of a map.
+    """Grid of a map: all combinations of the given values.
 
-    Fields: `axes`, values by name, SI, arrays (1-D) or single numbers; `columns`, fields of the members (one
-    per point) by name, with the frequency varying slowest, in the order `dims`; `about`, attributes of each
-    axis.
+    Fields: `waveform`, the drive; `axes`, the given values by name, SI, arrays [values] or of no dimension
+    for a single number; `dims`, names of the axes with several values, the frequency first; `columns`, fields
+    of model and drive by name, arrays [points], in which the first of `dims` varies slowest; `about`, unit
+    and label of each axis.
     """
 
     waveform: Waveform
@@ -48,7 +49,7 @@ class MapGrid(NamedTuple):
 
     @property
     def frequency(self) -> Array:
-        """Return the frequency of the drive at each point, Hz."""
+        """Return the frequency of the drive at each point, Hz; NaN if the waveform has no period."""
         if "frequency" in self.columns:
             return self.columns["frequency"]
         period = getattr(self.waveform, "period", None)
@@ -66,7 +67,7 @@ def grid_of(
 
     Args:
         model, waveform: as for `step_map`.
-        axes: values by the names of `AXES` that are given.
+        axes: values by the names of `AXES`; None for an axis that is not given.
         parameters: values of other fields by name.
 
     Raises:
@@ -108,7 +109,13 @@ def _axis(name: str, quantity: Quantity, values: Any) -> Array:
 
 
 def _columns(model: Actuator, waveform: Waveform, at: Mapping[str, Array], count: int) -> dict[str, Array]:
-    """Return the columns of the ensemble: fields of waveform and model."""
+    """Return the fields of waveform and model that a map varies or sets, by name, arrays [points].
+
+    Args:
+        model, waveform: actuator and drive.
+        at: values of the axes and parameters at each point, by name, arrays [points].
+        count: number of points.
+    """
     names = record_names(waveform)
     own = {name: column for name, column in at.items() if name in names and name not in AXES}
     drive = drive_columns(waveform, own, at.get("voltage"), at.get("frequency"), at.get("direction"))

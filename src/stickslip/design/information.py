@@ -23,9 +23,10 @@ from ..identify.walk.position_channel import CHANNEL
 from ..physics.actuator import Actuator
 from ..recording.chain import Chain
 
-# s at rest before the drive starts, which define the zero of the position.
+# Duration of rest before the drive starts, s; the mean position in it is the zero of the recording.
 BEFORE = 0.1
-# Smallest information on a coordinate scaled to 1, relative to the largest; less is rounding.
+# Eigenvalue of A, scaled to a diagonal of 1, relative to the largest one, up to which it is rounding: that
+# combination of coordinates is not identified.
 NOTHING = 1e-13
 # If a change of a parameter by its own size changes less than this share of the motion, the change is
 # rounding.
@@ -54,8 +55,8 @@ class FitSpace(NamedTuple):
 class Seen(NamedTuple):
     """Information in recordings on the coordinates of a fit.
 
-    Fields: the matrices A and B of the module [..., k, k], the duration [...], s, and the lowest and highest
-    position [...], m.
+    Fields: `normal` and `spread`, the matrices A and B of the module, [..., k, k] for k coordinates; the
+    duration [...], s; and `low` and `high`, the least and greatest position [...], m.
     """
 
     normal: Array
@@ -87,20 +88,20 @@ class Seen(NamedTuple):
 
 
 def stacked(several: Sequence[Seen], axis: int = 0) -> Seen:
-    """Return several pieces of information along a new axis."""
+    """Return the information of several recordings as one, their arrays stacked along a new axis."""
     return Seen(*(np.stack([one[i] for one in several], axis) for i in range(len(Seen._fields))))
 
 
 def seen(
     model: Actuator, walk: PlannedWalk, name: str, space: FitSpace, chain: Chain, noise: Coloured | None
 ) -> Seen:
-    """Return the information of a recording at the values of a model.
+    """Return the information in a planned recording on the coordinates of a fit, at the values of a model.
 
     Args:
         model: the actuator.
         walk: the recording.
         name: name of the recording in errors.
-        space: free parameters.
+        space: coordinates of the fit, and values tied to them.
         chain: chain of the position channel.
         noise: noise of the samples, m; None: white, with the standard deviation in `walk`.
 
@@ -113,14 +114,15 @@ def seen(
     position = motion.position(model, chain.delay)
     sizes = [abs(value_of(model, n)[0]) or np.inf for n in own]
     moves = np.abs(by[:, :-1]).max(axis=0, initial=0.0) * sizes > ROUNDING * np.ptp(position)
-    by = by * np.append(moves, True)  # otherwise rounding would count as information
+    by = by * np.append(moves, True)  # a derivative that is only rounding would count as information
     columns = dict(zip([*own, "delay"], by.T, strict=True)) | {"offset": np.ones(len(by)) / chain.scale}
     values = {p.name: p.start for p in (*space.parameters, *space.ties.beside) if not p.tied}
     j = space.ties.follow(columns, space.ties(values), space.names)
     j = chain.scale * j * [p.slope(p.start) for p in space.parameters]
     normal = walk.repeats * j.T @ j
     spread = walk.noise**2 * normal if noise is None else walk.repeats * scores([j], noise)
-    # each recording is shifted by the error of its own zero, and there is one offset for all
+    # The position of each recording is shifted by the error of its own zero, while a fit has a single offset
+    # for all recordings.
     if chain.zeroed:
         moved = j.sum(axis=0)
         spread = spread + walk.repeats * zero_variance(walk, noise) * np.outer(moved, moved)
@@ -134,8 +136,8 @@ def seen(
 
 
 def zero_variance(walk: PlannedWalk, noise: Coloured | None) -> float:
-    """Return the variance, m^2, of the mean of the samples at rest that define a recording's zero; see
-    `seen`."""
+    """Return the variance, m^2, of a recording's zero: the mean of the samples in the rest before the drive.
+    `noise` is the noise of the samples; None: white, with the standard deviation in `walk`."""
     n = BEFORE * walk.sample_rate
     if noise is None:
         return walk.noise**2 / n
@@ -144,8 +146,8 @@ def zero_variance(walk: PlannedWalk, noise: Coloured | None) -> float:
 
 
 class _Directions(NamedTuple):
-    """Eigensystem of A scaled to a diagonal of 1: the scale, eigenvalues, eigenvectors, and the null
-    directions."""
+    """Eigensystem of the matrix A, scaled to a diagonal of 1: the scale [..., k, k] by which A was divided,
+    eigenvalues, eigenvectors, and a mask of the null directions, which are not identified."""
 
     scale: Array
     values: Array

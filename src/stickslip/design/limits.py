@@ -10,12 +10,15 @@ from ..physics.electronics import OutputStage
 from ..physics.electronics.output import FEWEST, codes_within
 from ..quantities.units import QuantityError, to_si, with_prefix
 
-# Range of frequencies that is searched by default, relative to the natural frequencies of stage and contact.
+# Ends of the frequency range that is searched by default, relative to the lower and the higher of two
+# frequencies: the stage's natural frequency, and the one at which friction can just accelerate the
+# end-effector over the stroke.
 SLOWEST, FASTEST = 0.1, 3.0
 
 
 class Allowed(NamedTuple):
-    """Ranges of a drive: voltages, V; slope, V/s; frequencies, Hz; and the output stage that sets them."""
+    """Ranges of a drive: least and greatest voltage (`low`, `high`), V; largest `slope`, V/s; least and
+    greatest frequency (`slowest`, `fastest`), Hz; and the output stage."""
 
     low: float
     high: float
@@ -36,7 +39,13 @@ def allowed(
     output: OutputStage | None,
     frequency: tuple[float, float] | None,
 ) -> Allowed:
-    """Return the drives that a model and an output stage allow together: voltages in V, frequencies in Hz.
+    """Return the ranges of voltage, slope and frequency that a model and an output stage allow together.
+
+    Args:
+        model: the actuator.
+        min_voltage, max_voltage: V; None: the model's (from 0 V if it has no minimum).
+        output: output stage; None: without limits.
+        frequency: range (low, high), Hz; None: a range that follows from the model.
 
     Raises:
         QuantityError: no drive is allowed, or the model does not allow a voltage; the message names the
@@ -55,7 +64,8 @@ def allowed(
                 f"OutputStage.step = {with_prefix(output.step, 'V')} leaves less than two voltages from "
                 f"{low:g} V to {high:g} V"
             )
-        # A sample may be wrong by half a step, and so may the previous one.
+        # Each sample is rounded by up to half a converter step, so two successive ones may change by a step
+        # more than the drive: the slope of the drive must be lower by one step per update.
         steps = output.step * output.update_rate
         if slope <= steps:
             raise QuantityError(
@@ -96,7 +106,8 @@ def _voltages(model: Actuator, low: float | None, high: float | None) -> tuple[f
 
 
 def frequencies(given: tuple[float | str, float | str] | None) -> tuple[float, float] | None:
-    """Return (low, high), Hz; raises QuantityError for other values."""
+    """Return a given frequency range (low, high) in Hz, or None if none is given; raise QuantityError unless
+    0 < low < high."""
     if given is None:
         return None
     try:

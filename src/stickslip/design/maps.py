@@ -33,7 +33,8 @@ from .stored import Stored, solved_in_store
 Array = NDArray[np.float64]
 Extra = Literal["backlash", "backward_rate", "ringing", "ripple"]
 
-# Smallest step, in units of the tolerance, whose size is compared between directions.
+# Smallest distance between the net steps of both directions, relative to the tolerance, at which their
+# `inequality` is computed.
 KNOWN = 100.0
 
 LABELS = {
@@ -100,14 +101,15 @@ def step_map(
             is then the nearest whole number of updates, in the speed too. By default the drive reaches the
             piezo as it is.
         stack: the piezo's numbers, for current, energy and heat; the drive must not jump.
-        fit: of `identify_friction` or `identify_step` with the model's values, a `posterior`, or arrays by
-            name (``prior.draws(500)`` of a contact): interval of the step from its uncertainty, by `draws`
-            of its parameters at every point, the same for all.
-        draws, seed: of the fit.
+        fit: uncertain parameters, for an interval of the step at every point: a result of
+            `identify_friction` or `identify_step` with the model's values, a `posterior`, or arrays by name
+            (``prior.draws(500)`` of a contact).
+        draws, seed: number of draws of these parameters, at least 40 and the same at all points, and their
+            seed.
         normal_load: normal force over its reference, for all points: a number, or a waveform as for
             `steady_orbit`, into whose period it has to fit.
         tolerance: m, on the net step.
-        threads: number, by default all processors. With a `store`, processes.
+        threads: number of threads, by default one per processor; with a `store`, number of processes.
         store: folder in which the points are kept as studies (see `run_study`), ``steps.zarr`` and, with a
             fit, ``draws.zarr``: an interrupted call resumes. Not with `quantities`.
         scheduler: address of a dask scheduler whose workers fill the store.
@@ -119,14 +121,13 @@ def step_map(
         converged). On demand backlash, ringing, ripple (m), backward_rate; peak_current, rms_current (A),
         energy_per_step (J), heat (W) and temperature_rise (K); net_step_low, net_step_high, speed_low,
         speed_high (ends of the 95 % interval; NaN where fewer than nine draws of ten converged) and
-        draws_converged; inequality, without the dimension of the direction (NaN where the steps are within
-        a hundred tolerances). Stopped
-        by Ctrl-C it returns what is done; the others have the status "not_computed", and
-        ``attrs["interrupted"]`` is 1.
+        draws_converged; inequality, without the dimension of the direction (NaN where the net steps of both
+        directions differ by less than a hundred tolerances). After Ctrl-C the points that are not computed
+        have the status "not_computed", and ``attrs["interrupted"]`` is 1.
 
     Raises:
-        QuantityError: a value, or a name, that cannot be; see also `steady_orbit`.
-        StudyDiffers, StudyError: of the store; see `run_study`.
+        QuantityError: a value is out of range, or a name is unknown; see also `steady_orbit`.
+        StudyDiffers, StudyError: the store belongs to another map, or cannot be used; see `run_study`.
     """
     tolerance = checked_tolerance(model, tolerance)
     extras = _extras(quantities)
@@ -202,7 +203,8 @@ def _stored(store: Any, scheduler: str | None, extras: tuple[str, ...]) -> Store
 
 
 def _drawn(fit: Any, model: Actuator, grid: MapGrid, draws: int, seed: int) -> dict[str, Array]:
-    drawn = drawn_parameters(fit, model, whole(draws, "draws", 40, 100_000), seed)  # for 95 % intervals
+    # Fewer than 40 draws do not define the ends of a 95 % interval.
+    drawn = drawn_parameters(fit, model, whole(draws, "draws", 40, 100_000), seed)
     for name in drawn:
         if name in grid.columns:
             raise QuantityError(f"{name!r} varies over the map, and over the draws of the fit: only one can")

@@ -45,9 +45,12 @@ Array = NDArray[np.float64]
 # Samples per vibration of the stage, and their spacing relative to the time since the drive last changed its
 # slope.
 PER_CYCLE, GROWTH = 32.0, 0.02
-# Largest backward motion between two samples that is rounding, relative to the stroke of the drive.
+# Largest backward change of the static stroke C u between two samples that counts as rounding, relative to
+# its range.
 STILL = 1e-9
-# Ratio of the speeds of both strokes above which they count as equal.
+# Smallest ratio of the drive's fastest backward to its fastest forward speed at which ringing is computed.
+# With a smaller one the fast stroke is along the walk, and no slip precedes a ringing. It is below 1 so that
+# rounding does not exclude drives with equal strokes.
 EVEN = 0.99
 MAX_STEPS = 10_000_000
 
@@ -61,14 +64,23 @@ def within_a_period(
     tolerance: float,
     names: Collection[str],
 ) -> dict[str, Array]:
-    """Return the named quantities of members (points of the map), by name, in m or without unit.
+    """Return the named quantities of members (points of a map), by name, arrays [members], in m (the backward
+    rate without unit); NaN for members without a periodic orbit.
 
-    NaN for members without a periodic orbit. `of.states` are the states on the orbits.
+    Args:
+        model: the actuator.
+        of: the members, with states on their periodic orbits.
+        columns: varied fields by name, arrays [members].
+        found: periodic orbits with the net steps.
+        fine: mask [members] of those with a periodic orbit.
+        tolerance: tolerance of the simulation, m.
+        names: "backlash", "backward_rate", "ringing", "ripple".
     """
     backlash, backward, ringing, ripple = np.full((4, fine.size), np.nan)
     gains = columns.get("gain", np.full(fine.size, model.gain))
     drives, which = of.drives, of.which
-    of_same: dict[bytes, list[int]] = {}  # members whose drives change slope at the same times
+    # Indices of members whose drives change slope at the same times: they have the same sample times.
+    of_same: dict[bytes, list[int]] = {}
     for m in np.flatnonzero(fine).tolist():
         key = drives.start[which[m]].tobytes() + of.ends[m].tobytes()
         of_same.setdefault(key, []).append(m)
@@ -89,7 +101,8 @@ def within_a_period(
 
 
 def backward_rate(position: ArrayLike) -> float:
-    """Return the backward rate of a steady walk: its farthest way back over its way forward.
+    """Return the backward rate of a steady walk: its farthest way back over its way forward; NaN without any
+    motion.
 
     Args:
         position: m, of the end-effector over one period, both ends included.
@@ -119,13 +132,22 @@ def sample_times(breaks: Array, period: float, rate: float) -> Array:
     since = np.append(first, later)
     ends = np.append(breaks[1:], period)
     parts = [b + since[since < e - b] for b, e in zip(breaks, ends, strict=True)]
-    before = ends[ends < period] - 1e-12 * period  # the same sample for all jumps, whose speeds are compared
+    # One sample just before each jump, always at the same distance: speeds of jumps are compared.
+    before = ends[ends < period] - 1e-12 * period
     found = np.unique(np.concatenate([*parts, before, [period * (1.0 - 1e-12)]]))
     return found[found < period]
 
 
 def _followed(of: Members, rows: NDArray[np.int64], period: float, times: Array, tolerance: float) -> Array:
-    """Return the positions over one period, [members, times], m."""
+    """Return the end-effector's positions over one period, [members, times], m.
+
+    Args:
+        of: members, with states on their periodic orbits.
+        rows: indices of the members.
+        period: period of their drives, s.
+        times: sample times, s.
+        tolerance: tolerance of the simulation, m.
+    """
     outcomes, spans = np.full(rows.size, DONE, np.int64), np.tile([0.0, period], (rows.size, 1))
     return integrate_members(
         ComposedMembers(of.of.plant, of.values[rows]),
@@ -169,7 +191,8 @@ def measured(times: Array, period: float, position: Array, stroke: Array, step: 
 
 
 def _first(true: NDArray[np.bool_], begin: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the first column from `begin` on in which each row is true; the last column if none is."""
+    """Return, for each row, the index of the first true column from index `begin` [rows] on; the last column
+    if there is none."""
     place = np.arange(true.shape[1])
     later = true & (place >= begin[:, None])
     return np.where(later.any(axis=1), np.argmax(later, axis=1), true.shape[1] - 1)

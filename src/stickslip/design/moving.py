@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 # tried.
 SEARCHED = 1e-8
 REPORTED = (1e-11, 1e-12, 1e-10, 1e-9, 1e-8)
-# Tolerances for a static law, which has no derivatives to find the motion quickly.
+# Tolerances of the net step, m, of a result with a static friction law: without derivatives the periodic
+# motion is found slowly.
 REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
 
 
@@ -83,7 +84,13 @@ def exactly(
     threads: int | None = None,
     extras: tuple[str, ...] = (),
 ) -> PeriodicMotions:
-    """Return the motion as `moved`, for any periodic waveforms, at the final tolerance."""
+    """Return the periodic motion of each drive under each condition, shape (drives, conditions), at the
+    tolerances of a result, which are tried in turn.
+
+    Args:
+        model, columns, threads, extras: as for `moved`.
+        drives: any periodic waveforms, V.
+    """
     conditions = max([1, *(c.size for c in columns.values())])
     rows = PeriodicMotions(*np.full((3, len(drives), conditions), np.nan))
     members = columns or {"external_force": np.array([model.external_force])}

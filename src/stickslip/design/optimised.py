@@ -23,7 +23,7 @@ from .scenarios import NOMINAL, ScenarioTable
 Array = NDArray[np.float64]
 # Periods after which the motion counts as periodic in the picture; and points of one period.
 SETTLED, POINTS = 200, 401
-# Largest number of lines in a report.
+# Largest number of conditions that a report lists.
 MOST_LINES = 12
 
 
@@ -32,18 +32,21 @@ class OptimisedWaveform:
     """Result of `optimise_waveform`. Values belong to the drive as it reaches the piezo.
 
     Attributes:
-        waveform: the drive.
+        waveform: the best drive found.
         value: goal in the worst condition (or at the chosen quantile), in SI.
-        played: the drive as the generator outputs it; None without a generator.
-        at_piezo: the voltage at the piezo, behind generator and amplifier, if given.
-        sawtooth: best sawtooth within the same limits and conditions, with the same generator and amplifier;
-            `sawtooth_value` is its goal.
+        played: the drive as the converter outputs it; None for an output without updates.
+        at_piezo: the voltage at the piezo, behind converter and amplifier, if given; `sawtooth_at_piezo` is
+            the same for the sawtooth.
+        sawtooth: best sawtooth within the same limits and conditions, with the same converter and amplifier;
+            `sawtooth_value` is the goal that it reaches.
+        goal, model, conditions, quantile: what the search was for: goal, actuator, conditions, and the
+            quantile over them (0: the worst).
         values, speeds: goal and speed [m/s] of the drive in every condition; `sawtooth_values`,
-            `sawtooth_speeds` are those of the sawtooth.
+            `sawtooth_speeds` are the same for the sawtooth.
         evaluations: number of computed periodic motions.
         fell_back: True if the drive is the sawtooth itself, because no drive was found that is at least as
             good in every condition.
-        interrupted: True if the search was stopped (Ctrl-C): this is the best until then.
+        interrupted: True if Ctrl-C stopped the search; the result is then the best one found so far.
     """
 
     waveform: PeriodicKnots
@@ -77,8 +80,8 @@ class OptimisedWaveform:
 
     @property
     def comparison(self) -> xr.Dataset:
-        """Return `value` and `sawtooth` over "scenario", in the unit of the goal, with the changed quantities
-        of each scenario, SI."""
+        """Return the goal in each condition, over "scenario": `value` with the drive and `sawtooth` with the
+        best sawtooth, in the unit of the goal; and the changed quantities of each condition, SI."""
         of_goal = {"units": self.unit, "long_name": self.goal.label}
         data: dict[str, Any] = {
             name: ("scenario", column) for name, column in self.conditions.columns.items()

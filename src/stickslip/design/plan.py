@@ -25,8 +25,8 @@ from .choice import PlanGoal, criterion, together
 from .information import BEFORE, Array, Seen, covariance
 from .starting import Start
 
-# Standard errors in half a 95 % interval; and the share of a value above which its half-width only says that
-# it is wide.
+# Number of standard errors in half a 95 % interval; and half-width over value from which a report says that
+# the linearised interval is only an indication.
 HALF, WIDE = 1.959964, 0.5
 
 
@@ -41,11 +41,13 @@ class Plan:
             of 95 % intervals are shares of the value, or in the parameter's unit where that is 0. `value`
             (SI); `half_width` with all recordings, `worst_half_width` over the draws, `default_half_width` by
             the default recording of equal time; `expected` [count, parameter]; `alone` [candidate,
-            parameter], `voltage` and `frequency` of each candidate that has them, `gain`: factor by which its
-            standard error of the goal is smaller than the default's at equal time.
+            parameter]; `narrower`, the default's half-width over the plan's. For each candidate: `voltage`
+            (greatest minus least, V), `frequency` (Hz, NaN if the drive has none), `taken`, how often it is
+            recorded, and `gain`, the factor by which its standard error of the goal is smaller than the
+            default's at equal time.
         correlation: expected correlation, over "parameter" and "other".
-        goal: goal that the plan optimises.
-        model: the actuator that it was planned with.
+        goal: name of the goal that the plan optimises.
+        model: the actuator with which the recordings were simulated.
         limits: limits that the recordings keep.
         left_out: candidates that were excluded, and the reasons.
         undetermined: parameters that all candidates together do not identify; they are not part of the goal.
@@ -76,8 +78,8 @@ class Plan:
 
     @property
     def table(self) -> Any:
-        """Return a pandas DataFrame by parameter: value, unit, half-widths, those by the default, and their
-        ratio."""
+        """Return a pandas DataFrame by parameter: value, unit, half-width with all recordings, the largest
+        half-width over the draws, the one by the default recording, and its ratio to the planned one."""
         names = ["value", "half_width", "worst_half_width", "default_half_width", "narrower"]
         return self.dataset[names].to_dataframe().reindex(columns=["value", "unit", *names[1:]])
 
@@ -123,8 +125,18 @@ def of_choice(
     limits: Limits,
     left_out: dict[str, str],
 ) -> Plan:
-    """Return the plan that results from a choice among candidates with information `every` [draws,
-    candidates]."""
+    """Return the plan that results from a choice of candidates.
+
+    Args:
+        begin: model and parameters of the fit.
+        walks: candidates by name.
+        every: information of the candidates, arrays [draws, candidates, ...].
+        taken: indices of the chosen candidates, in the order of their information.
+        default: information of the default recording, arrays [draws, ...].
+        goal: goal of the plan.
+        limits: limits that the recordings keep.
+        left_out: reasons why candidates were excluded, by name.
+    """
     names = list(walks)
     steps = [together(every, taken[: n + 1]) for n in range(len(taken))]
     own = np.flatnonzero(begin.space.own).tolist()
@@ -168,7 +180,15 @@ def of_choice(
 def _half_widths(
     free: Sequence[Parameter], own: list[int], every: Seen, steps: Sequence[Seen], default: Seen
 ) -> dict[str, Any]:
-    """Return the variables of the plan's dataset, by name; see `Plan`."""
+    """Return the variables of the plan's dataset with half-widths of 95 % intervals, by name (see `Plan`).
+
+    Args:
+        free: parameters of the actuator.
+        own: their indices among the coordinates of the fit.
+        every: information of the candidates, arrays [draws, candidates, ...].
+        steps: information of the first one, two, ... chosen recordings, arrays [draws, ...] each.
+        default: information of the default recording, arrays [draws, ...].
+    """
     # Factor from a standard deviation of the coordinate to a half-width relative to the value, or in its unit
     # if the value is 0.
     scales = HALF * np.array([p.slope(p.start) / (abs(p.start) or 1.0) for p in free])
@@ -194,7 +214,8 @@ def _half_widths(
 
 
 def _gain(every: Seen, default: Seen, goal: PlanGoal) -> Array:
-    """Return the factor by which the goal's error is smaller with each candidate [n] than by default.
+    """Return the factor by which the goal's standard error is smaller with each candidate than with the
+    default recording, [candidates], at the values of the model.
 
     Both are compared at equal measuring time: an error falls with the square root of the duration.
     """
@@ -204,7 +225,8 @@ def _gain(every: Seen, default: Seen, goal: PlanGoal) -> Array:
 
 
 def _wave(walk: PlannedWalk) -> tuple[float, float]:
-    """Return voltage [V] and frequency [Hz] of a recording, NaN if it has none."""
+    """Return greatest minus least voltage [V] of a recording's drive, and the frequency [Hz] of its first
+    part; NaN if that part has no frequency."""
     drive: Any = walk.drive
     part = drive.parts[0][0] if isinstance(drive, Parts) else drive
     low, high = walk.drive.range()

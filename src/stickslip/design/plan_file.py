@@ -37,19 +37,20 @@ def save_plan(
     like: str | os.PathLike[str] | None = None,
     before: float | str = BEFORE,
 ) -> Path:
-    """Write a plan as an experiment file.
+    """Write a plan as an experiment file, and return its path.
 
     Args:
         plan: result of `plan_experiment`.
         path: the new file, .yaml.
         like: an experiment file whose rig, channels, variables and actuator are taken, but not its runs. By
-            default: the virtual bench of the thesis with the plan's actuator. Its parameters go to a separate
-            parameter set if the file cannot contain them.
+            default: the virtual bench of [kang2007] with the plan's actuator. The actuator's parameters go to
+            a parameter set beside the file, NAME_actuator.toml, if the file cannot contain them.
         before: s at rest before each drive.
 
     Raises:
-        QuantityError: a waveform cannot be written to a file.
-        InputFileError: `like` is no experiment file, or has no end_effector_position.
+        QuantityError: a waveform cannot be written to a file, `like` has no channel end_effector_position, or
+            it is missing for an actuator that turns.
+        InputFileError: `like` is no experiment file.
         FileExistsError: the file exists.
     """
     path, before = Path(path), to_si(before, "s", "before")
@@ -112,7 +113,8 @@ def _limits(limits: Limits) -> dict[str, float]:
 
 
 def _actuator(model: Actuator, path: Path) -> dict[str, Any]:
-    """Return the model's part of an experiment file: changes in a known set, or a set of its own."""
+    """Return the section `actuator` of an experiment file: changed values of a known parameter set if these
+    are plain numbers; otherwise a new parameter set, which is written beside `path`."""
     if model.name in available_sets():
         known = load_actuator(model.name)
         if type(known.friction) is type(model.friction) and known.piezo == model.piezo:

@@ -30,10 +30,11 @@ from .starting import Start, draws_of, start
 if TYPE_CHECKING:
     import xarray as xr
 
-# Default comparison: the walk of [kang2007, 5.3].
+# Amplitude [V] and frequency [Hz] of the sawtooth with which a plan is compared by default: the walk of
+# [kang2007, 5.3].
 USUAL = (65.0, 5.0)
 ALL = "all"
-# m, smallest steady step.
+# Smallest steady step, m, whose prediction can be the goal of a plan.
 LEAST_STEP = 1e-9
 # Largest expected standard error of a parameter, relative to its value, if all candidates are recorded; a
 # parameter with a larger error counts as undetermined.
@@ -82,8 +83,8 @@ def plan_experiment(
         goal: "all" (the product of the standard errors, including correlations: D-optimal), the name of one
             parameter, or a periodic waveform, whose steady step is to be predicted best.
         recordings: number of recordings; a candidate may be taken more than once.
-        duration, sample_rate: s and Hz of recordings for which a candidate does not give them; by default 2
-            kHz.
+        duration, sample_rate: duration, s, and sample rate, Hz, of candidates that do not give them; by
+            default the sample rate of the fit or of the recorded noise, otherwise 2 kHz.
         noise: standard deviation of a sample, m, white; or a recording of end_effector_position at rest,
             whose noise, with its spectrum and drift, applies to all candidates. By default: the noise of the
             fit.
@@ -93,13 +94,13 @@ def plan_experiment(
             error. By default: a chain with the delay of the fit.
         channel: free parameters of the channel.
         draws: other possible values of the parameters, because a plan at given values is only valid near
-            them: a number of draws from the fit's normal distribution (by default 8), a `posterior`, or
-            arrays by name, of which up to 32 sets are taken.
+            them: a number of draws from the fit's normal distribution (by default 8 for a fit, none for an
+            actuator), a `posterior`, or arrays by name, of which up to 32 sets are taken.
         over: "worst": the plan is optimal for the worst draw; "mean": on average.
         default: recording with which the plan is compared at equal time; by default, the sawtooth of 65 V (or
             what the limits allow) at 5 Hz.
         seed: seed of the draws.
-        progress: called after each recording that was simulated.
+        progress: called for each simulated recording, with activity and finished fraction.
 
     Returns:
         A plan: the recordings, and the expected half-width of the 95 % interval of each parameter.
@@ -221,9 +222,11 @@ def _simulated(
     limits: Limits,
     progress: Progress,
 ) -> tuple[dict[str, Seen], dict[str, str]]:
-    """Return the information of candidates at all draws [draws], and the reasons why others are excluded.
+    """Return the information of candidates by name, arrays [draws, ...], and by name the reasons why others
+    are excluded.
 
-    Of very many candidates, only the most informative at the values of the model are computed at the draws.
+    If there are more than `MOST_FOLLOWED` candidates, only the most informative ones at the values of the
+    model are computed at the draws, because of the computing time.
     """
     found: dict[str, Seen] = {}
     left_out: dict[str, str] = {}
@@ -279,7 +282,11 @@ def _search(
     seed: int,
     progress: Progress,
 ) -> None:
-    """Add an optimised drive to `found` and `named` if it is more informative than the best candidate."""
+    """Optimise a drive, starting from the best candidate, and add its recording as a further candidate.
+
+    The recording is added to `named`, and its information to `found`, or nothing to `found` if the recording
+    cannot be simulated or leaves the limits.
+    """
     name = min(found, key=lambda one: float(score(found[one], goal, "mean")))
     some = starts[: 1 + MOST_SEARCHED]
     wanted = goal if goal.gradients is None else goal._replace(gradients=goal.gradients[: len(some)])
@@ -299,8 +306,8 @@ def _search(
 
 
 def _foremost(found: Mapping[str, Seen], goal: PlanGoal) -> list[str]:
-    """Return the names of the most informative candidates: half by the goal, the others by each parameter in
-    turn."""
+    """Return the names of the most informative candidates, at most `MOST_FOLLOWED`: half of them for the
+    goal, the others for each parameter in turn."""
     names = list(found)
     if len(names) <= MOST_FOLLOWED:
         return names
@@ -344,7 +351,18 @@ def _usual(
     every: Seen,
     taken: Sequence[int],
 ) -> PlannedWalk:
-    """Return the recording to compare with, repeated for equal time."""
+    """Return the recording with which a plan is compared: `default`, or the sawtooth `USUAL`.
+
+    A waveform is recorded for `duration` [s], or for as long as the longest chosen candidate.
+
+    Args:
+        default: recording or waveform; None: the sawtooth `USUAL`.
+        begin: sample rate, noise and model of the plan.
+        limits: limits of the voltage.
+        duration: least duration, s.
+        every: information of the candidates, arrays [draws, candidates, ...].
+        taken: indices of the chosen candidates.
+    """
     if isinstance(default, PlannedWalk):
         return default
     longest = max(duration, float(np.max(every.duration[0, list(taken)])))

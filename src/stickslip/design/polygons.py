@@ -70,7 +70,8 @@ def knots(x: Array, allowed: Allowed) -> Polygons:
 
 
 def as_knots(shape: Polygons, count: int, allowed: Allowed) -> Array:
-    """Return the search point whose `knots` are closest to a polygon."""
+    """Return the point of `knots`, each coordinate 0 to 1, for a polygon (the first of `shape`) sampled at
+    `count` equidistant times; values beyond the allowed ranges are clipped."""
     at, period = np.arange(count) / count, float(shape.period[0])
     volts = np.interp(at, np.append(shape.shares[0], 1.0), np.append(shape.volts[0], shape.volts[0, 0]))
     span = np.log(allowed.fastest / allowed.slowest)
@@ -79,15 +80,16 @@ def as_knots(shape: Polygons, count: int, allowed: Allowed) -> Array:
 
 
 def starts(sawtooth: Polygons, count: int, allowed: Allowed) -> Array:
-    """Return initial points of a search for `knots`: a sawtooth, a ramp in its direction, and the centre."""
+    """Return three initial points of a search for `knots`, at the frequency of a sawtooth: the sawtooth, a
+    ramp in its direction over 0.1 to 0.9 of the voltage range, and a constant voltage in mid-range."""
     first = as_knots(sawtooth, count, allowed)
     ramp = np.linspace(0.1, 0.9, count)[:: 1 if sawtooth.shares[0, 1] > 0.5 else -1]
     return np.array([first, np.append(ramp, first[-1]), np.append(np.full(count, 0.5), first[-1])])
 
 
 def sawtooths(x: Array, allowed: Allowed) -> Polygons:
-    """Return sawtooths from search points [n, 3]: share of the rise, frequency and swing, each 0 to 1. Points
-    [n, 2] have the largest swing that the slope limit allows."""
+    """Return sawtooths from search points [n, 3]: share of the rise in the period, frequency (logarithmic
+    scale) and swing, each 0 to 1. Points [n, 2] have the largest swing that the slope limit allows."""
     rise = STEEPEST + (1.0 - 2.0 * STEEPEST) * x[:, 0]
     shares = np.stack([np.zeros_like(rise), rise], axis=1)
     swing = allowed.swing * (x[:, 2] if x.shape[1] > 2 else np.ones(len(x)))

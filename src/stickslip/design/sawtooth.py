@@ -17,13 +17,17 @@ SWINGS, LINE = (0.5, 0.05, 5e-3, 5e-4, 5e-5), np.linspace(-1.0, 1.0, 21)
 
 
 def best_sawtooth(merits: Merits, judge: Judge, count: int, swings: Sequence[float]) -> tuple[Array, int]:
-    """Return the best sawtooth, [rise, frequency, swing] from 0 to 1 each, and the number of computed
-    candidates.
+    """Return the best sawtooth, a point of `sawtooths` [rise, frequency, swing] with coordinates from 0 to 1,
+    and the number of computed periodic motions.
 
-    The search starts at the given swings.
+    Args:
+        merits: function of points [n, 3] and indices of conditions that returns merits [n, conditions].
+        judge: conversion of the merits of a candidate to one number.
+        count: number of conditions. The scan uses the first one, and then the worst ones of its result.
+        swings: swings at which the search starts, as shares of the voltage range.
     """
     everything = np.arange(count)
-    # Steep falls, on either side, are tried more densely, because the best sawtooths have them.
+    # Shares of the rise near 0 and 1 (a steep rise or fall) are tried more densely: the best ones are there.
     rises = np.array([0.001, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.999])
     x = np.array([(r, f, s) for s in swings for r in rises for f in np.linspace(0.0, 1.0, FREQUENCIES)])
     active = np.zeros(1, np.int64)
@@ -45,7 +49,7 @@ def best_sawtooth(merits: Merits, judge: Judge, count: int, swings: Sequence[flo
         best = near[int(np.argmax(judge.score(found, active)))]
         half = half * NARROWER
     for reach in SWINGS:
-        near = np.tile(best, (LINE.size + 1, 1))  # the best one comes first
+        near = np.tile(best, (LINE.size + 1, 1))  # the first row stays the best sawtooth so far
         near[1:, 2] = np.clip(best[2] + reach * LINE, 0.0, 1.0)
         found = merits(near, active)
         spent += len(near) * active.size

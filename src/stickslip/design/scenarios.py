@@ -19,7 +19,8 @@ from ..simulation.varied import element_of, free_names, law_of, with_values
 from ..study.drawn import NOT_OF_ACTUATOR, draws_in_si
 
 Array = NDArray[np.float64]
-# Uncertainty of an actuator: draws, the covariance of a fit, or arrays by name, row by row.
+# Kinds of uncertainty of an actuator: posterior, fit (its covariance), or arrays of draws by parameter name,
+# of which equal indices belong together.
 Uncertainty = Posterior | Fit | Mapping[str, Any]
 NOMINAL = "nominal"
 _FACTOR = Quantity("", "", "a factor")
@@ -31,9 +32,10 @@ class Scenario:
     """A condition that changes values of the model: ``Scenario(external_force="-0.1 N")``.
 
     Attributes:
-        name: by default the changed values.
-        values: in SI, by the name of a field of the actuator or its law, or "load" (normal force relative to
-            its reference), or "drive_scale" (a factor on the voltage).
+        name: name in reports; by default a list of the changed values.
+        values: changed values, in SI or as strings with units, by the name of a field of the actuator or its
+            law, or "load" (normal force relative to its reference), or "drive_scale" (a factor on the
+            voltage).
         factors: factors on values of the model (of each draw): ``Scenario(factors={"natural_frequency":
             0.95})``.
     """
@@ -82,8 +84,15 @@ def conditions_of(
     draws: int,
     seed: int,
 ) -> ScenarioTable:
-    """Return all conditions: the unchanged model and every scenario, each with the model's values and with
-    those of every draw.
+    """Return all conditions: the unchanged model and every scenario, each with the model's own values and
+    with the values of every draw.
+
+    Args:
+        model: the actuator.
+        scenarios: scenarios, or mappings with the arguments of `Scenario`.
+        uncertainty: uncertainty of the model; None: no draws.
+        draws: number of draws.
+        seed: seed of the draws.
 
     Raises:
         QuantityError: a name that the model does not have, a value out of range.
@@ -120,7 +129,7 @@ def _scenario(given: Scenario | Mapping[str, Any]) -> Scenario:
 
 
 def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
-    """Return the changes of a model in a scenario, SI."""
+    """Return the values that a scenario gives a model, by name, SI; a factor multiplies the model's value."""
     known = [*free_names(model), *SCALES]
     for name in (*case.values, *case.factors):
         if name not in known:
@@ -143,7 +152,8 @@ def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
 
 
 def own(model: Actuator, name: str) -> float:
-    """Return the model's own value of a name."""
+    """Return a model's own value, SI, of a field of the actuator or its law, an element of a list in the law,
+    or a ratio such as "stiction_ratio"; 1 for the scales "load" and "drive_scale"."""
     law = law_of(model)
     if name in SCALES:
         return 1.0
@@ -159,8 +169,14 @@ def own(model: Actuator, name: str) -> float:
 
 
 def drawn(model: Actuator, source: Uncertainty, count: int, seed: int) -> list[dict[str, float]]:
-    """Return possible values of the model's parameters, by name: draws of its posterior, or of its fit's
-    covariance.
+    """Return `count` draws of the model's parameters, each a mapping from name to value, SI.
+
+    Args:
+        model: the actuator.
+        source: posterior or arrays by name, from which rows are drawn with replacement; or a fit, from whose
+            normal distribution, clipped at its bounds, values are drawn.
+        count: number of draws.
+        seed: seed of the draws.
 
     Raises:
         QuantityError: a parameter that the model does not have, or a fit without uncertainty.
