@@ -1,10 +1,12 @@
-"""Devices: one folder for each maker, which is found without being named anywhere else.
+"""Clients of devices, and twins (simulated devices): one folder for each maker, found without a list of
+folders.
 
 `__init__.py` of a folder imports its clients. Each registers itself in `registry.rigs` (puts out a drive and
-records) or `registry.positioners` (receives a number of steps), with an `about`. `twin.py` registers twins in
-`registry.twins`: functions from stages, seed and clock to a twin. `README.md` is the documentation's page.
+records) or `registry.positioners` (executes a number of steps), with a description `about`. `twin.py`
+registers twins in `registry.twins`: functions that take stages, seed and clock and return a twin. `README.md`
+is the page of the devices in the documentation.
 
-A client with `about.ports` is asked when an address is searched: it is opened, or its static method
-`identify(host, port, timeout)` returns what the device calls itself. A static method `attached()` lists the
-devices that a library sees on this machine.
+The search for devices at an address tries each client whose `about.ports` is not None: it opens the client,
+or calls its static method `identify(host, port, timeout)`, which returns the identity that the device
+reports. A static method `attached()` lists the devices that a maker's library finds on this machine.
 """

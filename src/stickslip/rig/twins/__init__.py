@@ -1,7 +1,7 @@
-"""Twins of controllers: servers that use a maker's protocol, with our simulated stage behind them.
+"""Twins of controllers: simulated devices, served by a maker's protocol, that move our simulated stages.
 
-Unmodified drivers of the controllers move the stages (`tests/twins`). The top of each twin's file, in
-`rig/devices`, lists what it assumes beyond what these drivers show.
+Unmodified drivers of the controllers move the stages (`tests/twins`). The module docstring of each twin, in
+`rig/devices`, lists its assumptions beyond the behaviour that these drivers show.
 """
 
 from .axis import Clock as Clock

@@ -1,4 +1,4 @@
-"""A stage in time: motions are simulated piece by piece as the clock proceeds between commands."""
+"""Axis of a simulated controller: each command or query first simulates the motion up to the present time."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ import numpy as np
 from ..protocols import Array
 from .stage import Path, Piece, Stage
 
-FLANK = 50e-6  # s, fast edge of a step; at most a tenth of its period
-CHUNK = 0.02  # s of steps simulated as one piece
-_RAMP = 0.1  # s, longest piece of a ramp
-_POINTS = 8  # samples on the slow edge of a step
-_SLOWEST = 0.1  # s of computing after which the motion is delayed instead of the answer
+FLANK = 50e-6  # duration of a step's fast edge (slip), s; at most a tenth of the step's period
+CHUNK = 0.02  # duration of the steps that are simulated as one piece, s
+_RAMP = 0.1  # longest piece of a ramp, s
+_POINTS = 8  # number of path samples on the slow edge of a step
+_SLOWEST = 0.1  # s of computing for one command; beyond it the motion is delayed, so that the answer is not
 
 
 class Clock(Protocol):
-    """Clock, in s; a test may use its own."""
+    """Clock of the motions, in s; a test may use one of its own, which need not wait."""
 
     def now(self) -> float:
-        """Return the time since any fixed moment."""
+        """Return the time since any fixed moment, s."""
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for some seconds of this clock."""
         ...
 
 
@@ -35,23 +35,23 @@ class WallClock:
     """The computer's monotonic clock."""
 
     def now(self) -> float:
-        """Return the time since any fixed moment."""
+        """Return the time since any fixed moment, s."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for some seconds."""
         time.sleep(seconds)
 
 
 class Axis:
-    """An axis of a controller.
+    """One axis of a simulated controller: it plays pieces of drive on a stage as time proceeds.
 
     Args:
         stage: the stage of the axis.
-        clock: the clock.
-        heard: called with the path of every simulated piece.
+        clock: clock of the motions.
+        heard: function that is called with the path of every simulated piece.
 
-    A motion depends on its pieces alone, not on the times of queries. If the computer is too slow, the motion
+    A motion depends only on its pieces, not on the times of queries. If the computer is too slow, the motion
     is delayed. A stop takes effect at the end of the present piece.
     """
 
@@ -63,28 +63,34 @@ class Axis:
         self._begin = self._end = clock.now()
 
     def begin(self, pieces: Iterator[Piece], forever: bool = False) -> None:
-        """Start a motion after the present piece. It replaces the rest of an earlier motion."""
+        """Start a motion after the present piece. It replaces the rest of an earlier motion.
+
+        Args:
+            pieces: pieces of drive, which are taken one by one when they are due.
+            forever: the motion has no end, as `Axis.forever` reports.
+        """
         self.advance()
         self._pieces, self._forever = pieces, forever
 
     def stop(self) -> None:
-        """End the motion with the present piece."""
+        """Stop the motion at the end of the present piece."""
         self.advance()
         self._pieces = None
 
     @property
     def moving(self) -> bool:
-        """Return True during a motion."""
+        """Return True while a motion is in progress."""
         self.advance()
         return self._pieces is not None or self._path is not None
 
     @property
     def forever(self) -> bool:
-        """Return True during a motion without an end."""
+        """Return True while a motion without an end is in progress."""
         return self.moving and self._pieces is not None and self._forever
 
     def advance(self) -> float:
-        """Simulate all pieces that are due, or the rest, up to now. Return the time."""
+        """Simulate up to the present time: all pieces that have started and, after the last one, the constant
+        voltage. Return the present time, s."""
         now, began = self._clock.now(), time.monotonic()
         while self._end <= now:
             piece = next(self._pieces, None) if self._pieces is not None else None
@@ -99,12 +105,12 @@ class Axis:
             if self._heard is not None:
                 self._heard(self._path)
             if self._end <= now and time.monotonic() - began > _SLOWEST:
-                self._end = now  # delayed
+                self._end = now  # the next piece starts now instead of when it was due
                 break
         return now
 
     def state(self) -> tuple[float, float, float]:
-        """Return voltage, V, and the positions of stage and end-effector, m, now."""
+        """Return the present voltage, V, and the present positions of stage and end-effector, m."""
         now = self.advance()
         if self._path is None:
             return self.stage.voltage, self.stage.elongation, self.stage.position
@@ -112,7 +118,8 @@ class Axis:
 
 
 def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
-    """Yield a linear ramp between two voltages [V] over some seconds, in pieces of a tenth of a second."""
+    """Yield a linear ramp from the voltage `begin` to `end` [V] that takes `seconds` s, in pieces of up to
+    0.1 s."""
     count = max(1, math.ceil(seconds / _RAMP))
     samples: Array = np.linspace(0.0, seconds / count, 21)[1:]
     for k in range(1, count + 1):
@@ -122,10 +129,14 @@ def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
 def steps(
     stage: Stage, count: int | None, amplitude: float, frequency: float, base: float = 0.0
 ) -> Iterator[Piece]:
-    """Return steps between `base` and `base + amplitude`, V.
+    """Yield sawtooth steps of drive between `base` and `base + amplitude`, V, in pieces of one step or 0.02 s.
 
-    They go up if `count` is positive. With a count of None they are endless, and go down if the frequency is
-    negative.
+    Args:
+        stage: stage that plays the steps; a ramp from its present voltage to `base` comes first.
+        count: number of steps, upwards if positive; None: endless.
+        amplitude: voltage of the sawtooth, V; it may be negative.
+        frequency: steps/s; endless steps go down if it is negative.
+        base: voltage between two steps, V.
     """
     up = frequency > 0.0 if count is None else count > 0
     period = 1.0 / abs(frequency)

@@ -1,4 +1,4 @@
-"""Twins by name."""
+"""Make a twin (simulated device) from its name and an actuator."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def make_twin(
     seed: int = 0,
     clock: Clock | None = None,
 ) -> Any:
-    """Return a twin, for a `TwinServer`; for "scpi" a tuple of two.
+    """Return a twin (simulated device) for a `TwinServer`; "scpi" gives a tuple, generator and oscilloscope.
 
     Args:
         name: a name in `registry.twins`.
-        actuator: actuator of each axis; its contact varies with a seed of the axis's own.
-        axes: number of axes, up to 4; some controllers have one.
+        actuator: actuator of each axis; each axis has its own random sequence.
+        axes: number of axes, up to 4; some twins use only the first.
         travel: m, from end stop to end stop.
-        variation: variation of the contact from piece to piece of the motion.
+        variation: random variation of the contact from piece to piece of the motion.
         irregularity: irregularity of steps and end stops, and the temperature; none by default.
         seed: seed of variation, irregularity, noise and initial positions.
-        clock: the clock; by default the computer's.
+        clock: clock of the motions; by default the computer's.
 
     Raises:
         QuantityError: the name, the number of axes or the travel is not possible.

@@ -1,4 +1,5 @@
-"""SCPI on the side of an instrument: messages with blocks, headers in long or short form, an error queue."""
+"""SCPI interface of a simulated instrument: messages with binary blocks, headers in long or short form, an
+error queue."""
 
 from __future__ import annotations
 
@@ -9,14 +10,14 @@ from collections.abc import Callable
 
 from .server import HangUp
 
-LONGEST = 4_000_000  # bytes of a message
+LONGEST = 4_000_000  # largest number of bytes of a message or of a block in it
 _VOWELS = "AEIOU"
 
 Command = Callable[[list[str], bytes], str | bytes | None]
 
 
 class ScpiError(Exception):
-    """Error of a command, with SCPI's number and words."""
+    """Error of a command: the number and text that SCPI defines for it."""
 
     def __init__(self, number: int, words: str) -> None:
         super().__init__(words)
@@ -24,14 +25,17 @@ class ScpiError(Exception):
 
 
 class ScpiDevice:
-    """An instrument that executes messages by a table of commands.
+    """A simulated instrument, which executes SCPI messages by its table `commands`.
+
+    The table has a function for each header in short form, such as "CHAN:RANG?". The function gets a list of
+    texts (suffix of the header, then the arguments) and the binary block. It returns the answer, or None.
 
     Args:
         identity: the answer to ``*IDN?``.
         errors: the query that removes the oldest error from the queue; for Tektronix the query of events.
     """
 
-    end = b"\n"  # of an answer
+    end = b"\n"  # end of each answer
 
     def __init__(self, identity: str, errors: str = "SYST:ERR?") -> None:
         self.identity, self.lock = identity, threading.RLock()
@@ -46,11 +50,18 @@ class ScpiDevice:
         }
 
     def session(self) -> ScpiSession:
-        """Return a session."""
+        """Return a new session, for one connection."""
         return ScpiSession(self)
 
     def execute(self, text: str, block: bytes = b"") -> bytes:
-        """Return the answers to the commands of a message, joined. Errors are put into the queue."""
+        """Execute the commands of a message and return their answers, joined by ";"; empty without answers.
+
+        Errors are added to the error queue.
+
+        Args:
+            text: commands, separated by ";".
+            block: binary block at the end of the message, if any; the text is then one command.
+        """
         with self.lock:
             return self._execute(text, block)
 
@@ -88,7 +99,11 @@ class ScpiSession:
         self._device, self._rest = device, b""
 
     def feed(self, data: bytes) -> bytes:
-        """Return the answers to the complete messages."""
+        """Return the answers to all messages that are complete after these received bytes.
+
+        Raises:
+            HangUp: a message or block is too long.
+        """
         self._rest += data
         made = b""
         while (cut := self._message()) is not None:
@@ -99,7 +114,8 @@ class ScpiSession:
         return made
 
     def _message(self) -> tuple[bytes, bytes] | None:
-        """Return the next message and its block, removed from the received bytes."""
+        """Remove the next complete message from the received bytes and return its text and its block (empty
+        if it has none); None if no message is complete."""
         end = self._rest.find(b"\n")
         mark = self._rest.find(b"#", 0, end if end >= 0 else None)
         if mark >= 0 and self._rest[mark + 1 : mark + 2].isdigit():
@@ -124,15 +140,15 @@ class ScpiSession:
 
 
 def shortened(header: str) -> tuple[str, int]:
-    """Return a header in short form, and its suffix: ":CHANnel2:RANGe?" gives "CHAN:RANG?", 2.
+    """Return a header in SCPI's short form without its numeric suffix, and the suffix.
 
-    A missing suffix is 1.
+    For example, ":CHANnel2:RANGe?" gives "CHAN:RANG?" and 2. A missing suffix is 1.
     """
     query = "?" if header.endswith("?") else ""
     words, suffix = [], 1
     for word in header.upper().strip(":?").split(":"):
         letters = word.rstrip("0123456789")
-        if letters == "DAC":  # the number belongs to the keyword
+        if letters == "DAC":  # the number in DAC16 is part of the keyword, not a suffix
             letters = word
         elif word != letters:
             suffix = int(word[len(letters) :][:6])
@@ -143,7 +159,11 @@ def shortened(header: str) -> tuple[str, int]:
 
 
 def number(text: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """Return the number that a text gives; raises ScpiError outside the range from `low` to `high`."""
+    """Return the number in a text.
+
+    Raises:
+        ScpiError: the text is no number, or the number is not within `low` to `high`.
+    """
     try:
         value = float(text)
     except ValueError:
@@ -154,7 +174,7 @@ def number(text: str, low: float = -math.inf, high: float = math.inf) -> float:
 
 
 def switch(text: str) -> bool:
-    """Return the value of ON, OFF, 1, 0, RUN or STOP. Raises ScpiError for others."""
+    """Return True for the texts ON, 1 and RUN, and False for OFF, 0 and STOP. Raises ScpiError for others."""
     if text.upper() not in ("ON", "OFF", "1", "0", "RUN", "STOP"):
         raise ScpiError(-104, "Data type error")
     return text.upper() in ("ON", "1", "RUN")

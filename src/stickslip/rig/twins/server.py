@@ -1,4 +1,4 @@
-"""Servers of a twin, on TCP or on a pseudo terminal, and lines of bounded length.
+"""Servers that connect a twin (simulated device) to a program, by TCP or by a pseudo terminal.
 
 On TCP a twin serves one program at a time, as the controllers do.
 """
@@ -15,19 +15,19 @@ from typing import Any, Protocol, Self
 from ...quantities.units import QuantityError
 from ..protocols import RigError
 
-IDLE = 600.0  # s after which a silent program is disconnected
-_POLL = 0.05  # s between two queries for unsolicited messages
+IDLE = 600.0  # time after which a program that sends nothing is disconnected, s
+_POLL = 0.05  # pause between two queries of a twin for unsolicited messages, s
 
 
 class HangUp(Exception):
-    """The twin ends the connection: received data are not valid, or the session is over."""
+    """Request of a twin to end the connection, because received data are not valid or the session is over."""
 
 
 class Session(Protocol):
-    """One connection; `greeting` is the device's first message.
+    """One connection to a twin; `greeting` is the device's first message.
 
-    A session whose device sends unsolicited messages has a method `unasked`, which returns those that are
-    due.
+    If the device sends unsolicited messages, its session also has a method `unasked()`, which returns the
+    bytes of the messages that are due.
     """
 
     greeting: bytes
@@ -36,30 +36,30 @@ class Session(Protocol):
         """Take received bytes, in pieces of any length, and return the answers to complete messages.
 
         Raises:
-            HangUp: the connection is to end.
+            HangUp: the server must end the connection.
         """
         ...
 
 
 class Twin(Protocol):
-    """A controller."""
+    """A simulated controller, as a server needs it."""
 
     def session(self) -> Session:
-        """Return a new session."""
+        """Return a new session, for one connection."""
         ...
 
     def leave(self) -> None:
-        """Stop motions without an end, because the program has gone."""
+        """React to the end of the program's connection: stop at least the motions that have no end."""
         ...
 
 
 class TwinServer(socketserver.ThreadingTCPServer):
-    """TCP server of a twin.
+    """TCP server of a twin; `where` is its address, "HOST:PORT".
 
     Args:
-        twin: the twin.
+        twin: the simulated device.
         host: address to bind to; only this machine can reach the loopback address.
-        port: TCP port; 0 takes a free one. `where` is the resulting address.
+        port: TCP port; 0 takes a free one.
     """
 
     allow_reuse_address = True
@@ -76,7 +76,7 @@ class _Connection(socketserver.BaseRequestHandler):
     request: Any
 
     def handle(self) -> None:
-        """Answer until the program leaves. The connection of a second program is closed."""
+        """Answer the program until it disconnects. The connection of a second program is closed after 1 s."""
         if not self.server.held.acquire(timeout=1.0):  # the previous one may be about to leave
             return
         try:
@@ -91,7 +91,10 @@ class _Connection(socketserver.BaseRequestHandler):
             self.server.held.release()
 
     def _answer(self, session: Session) -> bytes | None:
-        """Return the next bytes to send; None when the program has left, or has been silent for long."""
+        """Wait for data or an unsolicited message, and return the bytes to send.
+
+        None means that the program has disconnected, or has sent nothing for `IDLE` s.
+        """
         unasked = getattr(session, "unasked", None)
         pause = IDLE if unasked is None else _POLL
         for _ in range(round(IDLE / pause)):
@@ -104,10 +107,10 @@ class _Connection(socketserver.BaseRequestHandler):
 
 
 class TwinTerminal:
-    """Server of a twin on a pseudo terminal, which a program opens as a serial port; `where` is its name.
+    """Server of a twin on a pseudo terminal, which a program opens as a serial port; `where` is its path.
 
-    As on a serial line, the device does not notice who opens and closes the port: motions continue until
-    `shutdown`. Invalid data are discarded. POSIX only.
+    As on a serial line, the device does not notice who opens and closes the port, so closing the port stops
+    no motion. Invalid data are discarded. POSIX only.
     """
 
     def __init__(self, twin: Twin) -> None:
@@ -122,7 +125,7 @@ class TwinTerminal:
         self.where = os.ttyname(self._theirs)
 
     def serve_forever(self, poll_interval: float = 0.1) -> None:
-        """Answer until `shutdown`."""
+        """Answer the data on the port until `shutdown` is called; `poll_interval` [s] is the longest wait."""
         session = self._session()
         while not self._ended.is_set():
             try:
@@ -136,7 +139,7 @@ class TwinTerminal:
                 answer = answer[os.write(self._ours, answer) :]
 
     def shutdown(self) -> None:
-        """End `serve_forever`."""
+        """Make `serve_forever` return, from another thread."""
         self._ended.set()
 
     def __enter__(self) -> Self:
@@ -148,13 +151,13 @@ class TwinTerminal:
 
 
 class Lines:
-    """Splits received bytes into lines, at CR, LF or both (and the NUL that telnet puts after CR)."""
+    """Splitter of received bytes into lines, which end with CR, LF, CR LF or telnet's CR NUL."""
 
     def __init__(self, longest: int = 65536) -> None:
         self._rest, self._longest, self._after_cr = b"", longest, False
 
     def feed(self, data: bytes) -> list[str]:
-        """Return the complete lines.
+        """Return the lines that are complete after these received bytes, without their ends.
 
         Raises:
             HangUp: a line is too long.

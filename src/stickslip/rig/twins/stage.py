@@ -1,9 +1,10 @@
-r"""A stick-slip stage that is moved piece by piece: the physics behind the protocol of a twin.
+r"""A simulated stick-slip stage that plays its drive in pieces: the physics behind the protocol of a twin.
 
-Its state (stage, end-effector, bristle, hysteresis and creep of the piezo) continues from piece to piece.
+The state (stage, end-effector, bristle, hysteresis and creep of the piezo) continues from piece to piece.
 Steps therefore vary with the contact and with `irregularity`, a load makes them depend on the direction, and
 a constant voltage causes creep. During a long constant voltage, the stage creeps so slowly that the
-end-effector sticks to it: :math:`\Delta x = \Delta y = C\,\Delta u_{piezo}`.
+end-effector sticks to it. With the stage's displacement per voltage :math:`C`, both then move by
+:math:`\Delta x = \Delta y = C\,\Delta u_{piezo}`.
 """
 
 from __future__ import annotations
@@ -27,16 +28,19 @@ from ..protocols import Array, RigError
 from ..remanence import annealed, from_state, remembers, simplified
 from ..variation import Repeats, Variation
 
-MEASURED = Variation(friction=0.004, drift=0.012, drift_runs=15, stiffness=0.02)  # see docs/decisions/rig.md
-_SETTLED = 0.05  # s after which only creep is left of a motion
-_PIECES = 10_000  # pieces after which the variation of the contact repeats
-_TOLERANCE = 1e-9  # m, of the simulation
-_MOST_STEPS = 2_000_000  # of the solver, for one piece
+# Variation of the contact from stroke to stroke as measured on a tribometer (docs/decisions/rig.md).
+MEASURED = Variation(friction=0.004, drift=0.012, drift_runs=15, stiffness=0.02)
+_SETTLED = 0.05  # time after a motion in which vibrations decay, so that only creep is left, s
+_PIECES = 10_000  # number of pieces after which the variation of the contact repeats
+_TOLERANCE = 1e-9  # error tolerance of the simulated positions, m
+_MOST_STEPS = 2_000_000  # largest number of the solver's integration steps for one piece
 
 
 class Piece(NamedTuple):
-    """A piece of drive: straight lines to `volts` at `times` [n], s from now. `samples` are the times of its
-    path."""
+    """A piece of drive: straight lines from the present voltage through `volts` [n], V, at `times` [n].
+
+    `samples` are the times at which positions are computed. All times are in s from the start of the piece.
+    """
 
     times: Array
     volts: Array
@@ -44,7 +48,8 @@ class Piece(NamedTuple):
 
 
 class Path(NamedTuple):
-    """Result of a piece: times [n] from its start, s, the voltage, V, and both positions, m."""
+    """Result of a simulated piece: times [n], s from its start, voltages [n], V, and the positions [n] of
+    stage and end-effector, m."""
 
     times: Array
     volts: Array
@@ -52,21 +57,22 @@ class Path(NamedTuple):
     end_effector: Array
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Return voltage, stage and end-effector at a time within the piece."""
+        """Return voltage, V, and positions of stage and end-effector, m, at a time in s within the piece."""
         return tuple(float(np.interp(time, self.times, y)) for y in self[1:])  # type: ignore[return-value]
 
 
 class Stage:
-    """One axis: an actuator between two end stops.
+    """A simulated stick-slip stage: an actuator whose end-effector moves between two end stops.
 
     Args:
-        actuator: the actuator; the controller must check its voltage range.
-        travel: m, from end stop to end stop; positions count from the middle.
-        variation: variation of the contact from piece to piece.
+        actuator: the actuator; its voltage range is not checked here, which is the controller's task.
+        travel: m, from end stop to end stop; positions are measured from the middle.
+        variation: random variation of the contact from piece to piece.
         irregularity: irregularity of steps and end stops, and the temperature; none by default.
         seed: seed of variation, irregularity and initial position.
 
-    At an end stop the end-effector stays, apart from the yield of the stop; the stage slips below it.
+    At an end stop the end-effector stops, apart from the elastic yield of the stop, and the stage slips below
+    it.
     """
 
     def __init__(
@@ -98,10 +104,11 @@ class Stage:
         start = float(np.random.default_rng(seed).uniform(-0.5, 0.5)) * self.end
         self._state, self._away = State(end_effector_position=start), start
         self.voltage, self.elongation, self.position = 0.0, 0.0, start
-        self.stop_met = 0  # -1 or 1: the end stop that is touched
+        self.stop_met = 0  # end stop that the end-effector touches: -1 the lower, 1 the upper, 0 none
 
     def play(self, piece: Piece) -> Path:
-        """Simulate a piece. Afterwards the state is that at its end.
+        """Simulate a piece of drive from the present state and return its path. The stage then has the state
+        at the piece's end.
 
         Raises:
             RigError: the simulation failed.
@@ -129,7 +136,8 @@ class Stage:
             slid = path - moved.samples[:, STAGE] - self._away
             path = path + (self._slips.follow(slid, seconds) - offset)
         path = beyond_end(self.position, path, self.end, self._give)
-        self._away += float(path[-1]) - x  # difference from the equations' end-effector
+        # Displacement by end stops and irregular slips, which the equations of motion do not contain.
+        self._away += float(path[-1]) - x
         self.stop_met = int(np.sign(path[-1])) if abs(path[-1]) >= self.end else 0
         x, s = float(path[-1]), 0.0 if self.stop_met else s
         self._state = State(0.0, y, w, x, s, tuple(moved.samples[-1, 5:].tolist()))
@@ -142,7 +150,7 @@ class Stage:
         )
 
     def rest(self, seconds: float) -> None:
-        """Keep the voltage constant for a time, s."""
+        """Simulate a constant voltage for some seconds: decaying vibrations, then creep alone."""
         settling = min(seconds, _SETTLED)
         if settling > 0.0:
             self.play(Piece(np.array([settling]), np.array([self.voltage]), np.array([settling])))
@@ -159,10 +167,10 @@ class Stage:
             self.elongation += moved
             self._state = self._state._replace(stage_position=self.elongation)
             self._shift(moved)
-            self._away -= moved  # it moved with the stage
+            self._away -= moved  # the end-effector moved with the stage, so it did not slip
 
     def _shift(self, way: float) -> None:
-        """Move the end-effector by a way [m] at rest, limited by the end stops."""
+        """Displace the end-effector at rest by `way` [m], limited by the end stops."""
         x = float(beyond_end(self.position, np.array([self.position + way]), self.end, self._give)[0])
         self._away += x - self.position
         self._state = self._state._replace(end_effector_position=x)

@@ -18,7 +18,9 @@ _STOPPING = (("stop", ""), ("setm", " gnd"))
 
 
 class Anc300Client:
-    """The controller; see `Positioner`. Its axes are its modules, from 1. It has no sensor.
+    """Client of an ANC300 controller, with the methods of `Positioner`.
+
+    Its axes are its modules, numbered from 1. It has no position sensor.
 
     Args:
         host: address, or serial port such as /dev/ttyACM0.
@@ -66,8 +68,8 @@ class Anc300Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start open-loop steps: `count` steps of this voltage [V] and frequency [Hz], backwards if
-        negative."""
+        """Start `count` open-loop steps of this amplitude [V] and step rate [Hz]; a negative count is
+        downwards."""
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         if not count:
@@ -79,21 +81,24 @@ class Anc300Client:
         self._counted[axis] = self._counted.get(axis, 0) + count
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Set a constant voltage. This needs a module with an offset."""
+        """Put out a constant voltage, V, on an axis. Only modules with an offset voltage can do so."""
         voltage = to_si(voltage, "V", "voltage")
         self.ranges.check(axis, voltage=voltage)
         self._ask(f"setm {axis} off")
         self._ask(f"seta {axis} {voltage:.3f}")
 
     def moving(self, axis: int) -> bool:
-        """Return True if the output differs from its resting value, 0 V or the offset. The console reports no
-        motion."""
+        """Return True if the output voltage differs from its resting value by more than 1 mV in one of three
+        readings.
+
+        The resting value is the offset in offset mode, otherwise 0 V. The console itself reports no motion.
+        """
         self.ranges.check(axis)
         rest = self._number(f"geta {axis}") if self._value(f"getm {axis}") == "off" else 0.0
         return any(abs(self._number(f"geto {axis}") - rest) > 1e-3 for _ in range(3))
 
     def position(self, axis: int) -> float:
-        """Return the steps requested since the connection, up minus down."""
+        """Return the number of steps that this client has requested since it was made, up minus down."""
         self.ranges.check(axis)
         return float(self._counted.get(axis, 0))
 
@@ -112,7 +117,7 @@ class Anc300Client:
             self._said(command)
 
     def _begin(self) -> None:
-        """Send what a new connection needs: the password, and the end of echoing."""
+        """Prepare a new connection: send the password (TCP only), then switch off the echo of commands."""
         if self._password is not None:
             self._line.send(self._password.encode("latin-1") + b"\r\n")
             self._line.until(b"Authorization success\r\n", b"the password")
@@ -146,7 +151,11 @@ class Anc300Client:
         return self._said(command)
 
     def _said(self, command: str) -> str:
-        """Return the lines of the answer before OK."""
+        """Return the lines of the answer to a sent command, up to the line OK.
+
+        Raises:
+            RigError: the answer ends with ERROR; the message contains its lines.
+        """
         asked = command.encode("latin-1")
         lines: list[str] = []
         while True:

@@ -1,8 +1,9 @@
-"""Twin of attocube's ANC300: its console on TCP, with stepping modules (ANM300) and no position sensor.
+"""Twin (simulated device) of attocube's ANC300: its console on TCP, with stepping modules (ANM300) and no
+position sensor.
 
-Made from the commands and answers of the drivers in pymeasure, pylablib, QCoDeS and EPICS. Assumed: the words
-of errors, the time for grounding (1 ms), the prompt "> " (while lines are echoed). Patterns other than the
-maker's ramp are refused. Triggers, external inputs and filters are stored without effect.
+Made from the commands and answers in the drivers of pymeasure, pylablib, QCoDeS and EPICS. Assumed: the texts
+of errors, the time for grounding (1 ms), the prompt "> " (while lines are echoed). Step patterns other than
+the maker's ramp are refused. Triggers, external inputs and filters are stored without effect.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from ...twins.stage import Piece, Stage
 _MODES = ("gnd", "inp", "cap", "stp", "off", "stp+", "stp-")
 _PROMPT = "> "
 _GREETING = b"\xff\xfb\x01\xff\xfb\x03attocube ANC300 console\r\nAuthorization code: "
-_SLOW = 1e-3  # s in which the output reaches a new offset, or ground
-_CAPACITY_TIME = 0.5  # s, duration of a measurement of the capacitance
+_SLOW = 1e-3  # duration of the output's ramp to a new offset or to ground, s (assumed)
+_CAPACITY_TIME = 0.5  # duration of a capacitance measurement, s (assumed)
 _UP, _DOWN = tuple(range(256)), tuple(range(255, -1, -1))
 
 
 @record
 class Settings(NamedTuple):
-    """Settings of an axis."""
+    """Settings of the steps of one axis: step rate, amplitude, and constant offset voltage."""
 
     frequency: Annotated[float, Quantity("Hz", "f", "steps per second", minimum=1, maximum=10_000)] = 200.0
     amplitude: Annotated[float, Quantity("V", "V", "of the steps", minimum=0, maximum=150)] = 30.0
@@ -52,11 +53,11 @@ _FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # filters of an ANM30
 
 
 class ConsoleError(Exception):
-    """Error of a command; its text is sent by the console before ERROR."""
+    """Error of a command; the console sends its text, then the line ERROR."""
 
 
 class Module:
-    """One axis module: an ANM300 with a stage."""
+    """One axis of the controller: a simulated module ANM300 that drives a simulated stage."""
 
     def __init__(self, stage: Stage, clock: Clock) -> None:
         self.axis = Axis(stage, clock)
@@ -65,7 +66,11 @@ class Module:
         self.busy_until = -np.inf
 
     def set(self, key: str, text: str) -> None:
-        """Change a setting, within its range."""
+        """Change a setting: `key` is "f", "v" or "a" of the command, `text` the new value in Hz or V.
+
+        Raises:
+            QuantityError: the value is outside the range of the setting.
+        """
         field, value = _FIELDS[key][0], _number(text)
         quantities(Settings)[field].check(value, field)
         self.settings = self.settings._replace(**{field: value})
@@ -73,7 +78,7 @@ class Module:
             self._go(value)
 
     def set_mode(self, mode: str, now: float) -> None:
-        """Change the mode of the output at the time `now` [s]; the present motion stops."""
+        """Change the mode of the output, one of `_MODES`, at the time `now` [s]. The present motion stops."""
         if mode not in _MODES:
             raise ConsoleError("Parameter out of range")
         self.axis.stop()
@@ -110,13 +115,13 @@ class Module:
 
 
 class Anc300:
-    """The controller.
+    """Simulated ANC300 controller.
 
     Args:
-        stages: stage of each axis, from 1.
+        stages: stage of each axis; the first one is axis 1.
         password: password of the console.
-        clock: the clock.
-        longest_wait: longest wait of `stepw` and `capw`, s.
+        clock: clock of the motions; by default the computer's.
+        longest_wait: longest wait of the commands `stepw` and `capw`, s.
     """
 
     def __init__(
@@ -132,20 +137,25 @@ class Anc300:
         self.modules = {i + 1: Module(stage, self.clock) for i, stage in enumerate(stages)}
 
     def session(self) -> ConsoleSession:
-        """Return a session of the console."""
+        """Return a new console session on TCP, which starts with the password."""
         return ConsoleSession(self)
 
     def serial_session(self) -> ConsoleSession:
-        """Return a session of the console on its serial port, which needs no password."""
+        """Return a new console session on the serial port, which needs no password."""
         return ConsoleSession(self, known=True)
 
     def leave(self) -> None:
-        """Stop endless steps when the connection ends."""
+        """Stop the motions of all axes when the connection ends, so that no endless steps continue."""
         for module in self.modules.values():
             module.axis.stop()
 
     def execute(self, line: str) -> str:
-        """Execute one command; return the answer before OK."""
+        """Execute one command; return the lines of the answer that precede OK, "" if there are none.
+
+        Raises:
+            ConsoleError: the command is refused.
+            QuantityError: a value is out of range.
+        """
         name, *rest = line.split()
         if name in ("ver", "getcser", "help"):
             return {
@@ -205,10 +215,10 @@ class Anc300:
         return said[key]()
 
     def _wait(self, module: Module) -> None:
-        """Wait until the steps, or the measurement of the capacitance, are done.
+        """Block until the steps of a module, or its capacitance measurement, have ended.
 
         Raises:
-            ConsoleError: the steps are endless, or last longer than `longest_wait`.
+            ConsoleError: the steps are endless, or the wait exceeds `longest_wait`.
         """
         until = self.clock.now() + self.longest_wait
         while module.axis.moving or self.clock.now() < module.busy_until:
@@ -218,9 +228,9 @@ class Anc300:
 
 
 class ConsoleSession:
-    """A connection: first the password, unless it is `known`, then commands.
+    """A connection to the console: the program sends the password (unless `known` is True), then commands.
 
-    Until `echo off` each line is echoed, and a prompt follows each answer.
+    Until the command `echo off`, the console echoes each line and sends a prompt after each answer.
     """
 
     greeting = _GREETING
@@ -229,7 +239,7 @@ class ConsoleSession:
         self._twin, self._lines, self._echo, self._known = twin, Lines(), True, known
 
     def feed(self, data: bytes) -> bytes:
-        """Return the answers to the complete lines."""
+        """Return the answers to all lines that are complete after these received bytes."""
         return "".join(self._answer(line) for line in self._lines.feed(data)).encode("latin-1")
 
     def _answer(self, line: str) -> str:
@@ -242,7 +252,7 @@ class ConsoleSession:
         return answered + _PROMPT if self._echo else answered
 
     def _answered(self, line: str) -> str:
-        """Return the echo of a line, and the answer to it."""
+        """Return the answer to a command line, after the echo of the line while echoing is on."""
         echoed, said = f"{line}\r\n" if self._echo else "", ""
         if not line:
             return echoed
@@ -271,7 +281,7 @@ def _count(rest: list[str]) -> int | None:
         return None
     if not rest[0].isascii() or not rest[0].isdecimal() or len(rest[0]) > 9:
         raise ConsoleError("Parameter out of range")
-    return int(rest[0]) or None  # the maker's 0 means endless
+    return int(rest[0]) or None  # a count of 0 means endless steps, as in the maker's protocol
 
 
 registry.twins.add(lambda stages, seed, clock: Anc300(stages, clock=clock), "anc300")

@@ -21,22 +21,22 @@ from ....quantities.units import QuantityError, to_si
 from ...limits import LONGEST_STOP
 from ...protocols import About, Array, Capabilities, RigError
 
-_POLL = 0.01  # s between two queries
-_EDGE = 0.02  # time of the output's jump, as a fraction of an update
-_MOST = 5_000_000  # samples
+_POLL = 0.01  # pause between two queries for new samples, s
+_EDGE = 0.02  # duration of the output's jump to a new value, as a fraction of the update interval (assumed)
+_MOST = 5_000_000  # largest number of samples of a drive or a recording
 
 
 class DaqmxRig:
-    """A data acquisition card of National Instruments, through nidaqmx; see `protocols.Rig`.
+    """A data acquisition card of National Instruments through the library nidaqmx, as a `protocols.Rig`.
 
     Args:
-        device: name in NI-DAQmx, "Dev1".
+        device: name of the card in NI-DAQmx, such as "Dev1".
         gain: gain of the amplifier, V at the piezo per V at the card.
         inputs: analogue input of the card for each input of the rig, such as {"gauge": "ai0"}, all in V. The
             input "drive" is the loaded drive, unless an input measures it.
-        output: the analogue output.
-        rate: Hz, of output and inputs.
-        low, high: range of the card's output and inputs, V.
+        output: analogue output of the card that drives the amplifier.
+        rate: update rate of the output and sampling rate of the inputs, Hz.
+        low, high: voltage range of the card's output and inputs, V.
 
     Raises:
         RigError: nidaqmx or its driver is not installed, or there is no such device.
@@ -53,7 +53,7 @@ class DaqmxRig:
 
     @staticmethod
     def attached() -> list[tuple[str, str]]:
-        """Return name and model of each card of this machine."""
+        """Return name and model of each card that NI-DAQmx knows on this machine."""
         system = importlib.import_module("nidaqmx.system").System.local()
         return [(device.name, device.product_type) for device in system.devices]
 
@@ -102,7 +102,8 @@ class DaqmxRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return the card, its driver and their settings, for the recording."""
+        """Return attributes for the recording: "device", a JSON text with card, driver, wiring and
+        settings."""
         del runs
         low, high = self._range
         settings = {"name": self._device, "gain": self._gain, "low": low, "high": high, "rate": self._rate}
@@ -110,7 +111,7 @@ class DaqmxRig:
         return {"device": json.dumps({**self._card, **settings, **wiring})}
 
     def load(self, volts: Array) -> None:
-        """Load the drive, V at the piezo."""
+        """Check and keep the drive [n], V at the piezo, one value per update, for the next `start`."""
         if volts.size > _MOST or not np.all(np.isfinite(volts)):
             raise RigError(f"{self._device}: the drive must be up to {_MOST} finite voltages")
         asked = volts / self._gain
@@ -121,7 +122,7 @@ class DaqmxRig:
         self._volts = np.array(volts, dtype=float)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs when the output starts."""
+        """Choose the inputs, and the number of samples of each, that the next `start` records."""
         for name in inputs:
             if name not in self.capabilities.inputs:
                 known = ", ".join(self.capabilities.inputs)
@@ -131,7 +132,8 @@ class DaqmxRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the output, which waits for the inputs' clock, and then the inputs."""
+        """Start the output, which waits for the sample clock of the inputs, then the inputs, so that both
+        run."""
         if self._volts.size < 2 or not self._samples:
             raise RigError(f"{self._device}: start needs a drive (load) and inputs (arm)")
         self._end()
@@ -157,7 +159,7 @@ class DaqmxRig:
         self._done, self._started = 0, True
 
     def fetch(self) -> Array:
-        """Return the samples since the last call [inputs, n], V."""
+        """Return the samples [inputs, n], V, that arrived since the last call; n may be 0."""
         if not self._started:
             raise RigError(f"{self._device}: nothing is running")
         with self._told("read"):
@@ -173,7 +175,13 @@ class DaqmxRig:
         return np.array([rows[name] if name in rows else self._volts[index] for name in self._inputs])
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V from the present output, on the card's own clock."""
+        """Ramp the output from its present voltage to 0 V at `slew` [V/s at the piezo], timed by the card.
+
+        Without a run, only the tasks are closed.
+
+        Raises:
+            RigError: the ramp failed; the card may keep its last voltage.
+        """
         if not self._started:
             self._end()
             return
@@ -186,11 +194,11 @@ class DaqmxRig:
             self._end()
 
     def output(self) -> tuple[Array, Array]:
-        """Return the output for the loaded drive: times [s] from the start and voltages [V], piecewise
-        linear.
+        """Return the output waveform of the loaded drive, piecewise linear: times [s] from the start, and
+        voltages [V] at the piezo.
 
-        Each value is constant for an update. It is assumed to be reached within 2 % of the update (not
-        measured on a card).
+        The output is constant during an update. A new value is assumed to be reached within 2 % of the
+        update interval (not measured on a card).
         """
         tick = 1.0 / self._rate
         begins: Array = np.arange(self._volts.size, dtype=np.float64) * tick
@@ -198,11 +206,12 @@ class DaqmxRig:
         return np.append(0.0, times), np.append(0.0, np.repeat(self._volts, 2))
 
     def close(self) -> None:
-        """Close the tasks. The card keeps its last voltage."""
+        """Close the NI-DAQmx tasks. The card keeps its last voltage."""
         self._end()
 
     def _ramp(self, slew: float) -> None:
-        """Ramp to 0 V from the present output."""
+        """Ramp from the last voltage that was put out to 0 V at `slew` [V/s], or faster: a ramp lasts
+        `LONGEST_STOP` s at most."""
         played = int(self._tasks[1].out_stream.total_samp_per_chan_generated)
         self._end()
         if not played:
@@ -237,7 +246,8 @@ class DaqmxRig:
 
 
 class _Told:
-    """Context that turns errors of the library into RigError, with device and action."""
+    """Context manager that turns errors of the library nidaqmx into RigError, with the device and the action
+    `what`."""
 
     def __init__(self, device: str, what: str, library: Any) -> None:
         self._device, self._what, self._library = device, what, library

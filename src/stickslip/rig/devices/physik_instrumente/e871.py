@@ -11,11 +11,12 @@ from ...protocols import About, RigError
 from .gcs import PORT, GcsLine
 
 _MOVING, _STOP = chr(5), chr(24)
-_STOPPED = 10  # error number after a stop
+_STOPPED = 10  # GCS error number that each stop command leaves behind; it is not a failure
 
 
 class E871Client:
-    """The controller; see `Positioner`. Its axes are numbered from 1.
+    """Client of a PIShift stick-slip controller, with the methods of `Positioner`. Its axes are numbered
+    from 1.
 
     Args:
         host: address of the controller.
@@ -55,8 +56,8 @@ class E871Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start open-loop steps: `count` steps of this voltage [V] and frequency [Hz], backwards if
-        negative."""
+        """Start `count` open-loop steps of this amplitude [V] and step rate [Hz]; a negative count is
+        backwards."""
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         for command in (
@@ -68,18 +69,18 @@ class E871Client:
             self._line.do(command)
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Raise RigError: this controller cannot scan."""
+        """Raise RigError: this controller cannot hold a constant voltage."""
         raise RigError(f"{self.ranges.name}: axis {axis} cannot be held at {voltage}: it only steps")
 
     def go(self, axis: int, position: float | str) -> None:
-        """Start a closed-loop motion to a position, m from the origin of the sensor."""
+        """Start a closed-loop motion to a position, in m from the zero of the axis's sensor."""
         position = to_si(position, "m", "position")
         self.ranges.check(axis)
         self._line.do(f"SVO {axis} 1")
         self._line.do(f"MOV {axis} {1e3 * position:.9f}")
 
     def moving(self, axis: int) -> bool:
-        """Return True during a motion."""
+        """Return True while the axis moves."""
         self.ranges.check(axis)
         said = self._line.ask(_MOVING)[0]
         try:
@@ -88,12 +89,13 @@ class E871Client:
             raise RigError(f"{self._line.name}: #5 is answered by {said[:60]!r}") from None
 
     def position(self, axis: int) -> float:
-        """Return the position, m, from where the axis was at power-on until it is referenced."""
+        """Return the position that the sensor measures, m. Its zero is the position at power-on, until the
+        axis is referenced."""
         self.ranges.check(axis)
         return 1e-3 * self._line.number(f"POS? {axis}")
 
     def stop(self) -> None:
-        """Stop all motions."""
+        """Stop the motions of all axes at once. The piezos keep their voltages."""
         self._line.tell(_STOP)
         self._line.do("STP", allowed=(_STOPPED,))
 

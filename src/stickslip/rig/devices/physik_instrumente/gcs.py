@@ -1,7 +1,7 @@
-"""GCS 2.0, the General Command Set of Physik Instrumente (PI), over TCP: commands, queries, error numbers.
+"""Connection that uses GCS 2.0, the General Command Set of Physik Instrumente (PI), over TCP.
 
-A command has no answer; ``ERR?`` returns its error number. In an answer of several lines, all lines but the
-last end with a space.
+A GCS command has no answer; the query ``ERR?`` returns its error number. In an answer of several lines, all
+lines except the last end with a space.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from ...line import Line, finite, need_silence
 from ...protocols import RigError
 
 PORT = 50000
-_LONGEST = 1_000_000  # lines of an answer
+_LONGEST = 1_000_000  # largest number of lines of an answer; more are treated as an endless answer
 _ERRORS = {
     1: "parameter syntax error",
     2: "unknown command",
@@ -29,7 +29,15 @@ _ERRORS = {
 
 
 class GcsLine:
-    """Connection to a controller; `identity` is its answer to ``*IDN?``.
+    """Connection to a controller of PI; `identity` is the controller's answer to ``*IDN?``.
+
+    After a late or invalid answer, answers can no longer be matched to queries, so all further queries raise
+    RigError. `tell` still sends.
+
+    Args:
+        host: address of the controller.
+        port: TCP port.
+        timeout: s, for each answer.
 
     Raises:
         RigError: nobody answers there, or the device is not from PI.
@@ -42,7 +50,7 @@ class GcsLine:
             self.identity = self.ask("*IDN?")[0]
             if "physik instrumente" not in self.identity.lower():
                 raise RigError(f"{self.name} says it is {self.identity[:80]!r}, not a controller of PI")
-            self.ask("ERR?")  # clears an earlier error
+            self.ask("ERR?")  # the query clears the error number of an earlier program
         except RigError:
             self._line.close()
             raise
@@ -54,15 +62,23 @@ class GcsLine:
 
     @property
     def name(self) -> str:
-        """Device and address, for errors."""
+        """Name and address of the device for error messages."""
         return self._line.device
 
     def tell(self, command: str) -> None:
-        """Send a command without asking for its error."""
+        """Send a command without a query of its error number."""
         self._line.send(command.encode("latin-1") + b"\n")
 
     def do(self, command: str, allowed: tuple[int, ...] = ()) -> None:
-        """Send a command. Raises RigError if its error is not one of those allowed."""
+        """Send a command and query its error number.
+
+        Args:
+            command: the command, without the line end.
+            allowed: error numbers, besides 0, that are no failure.
+
+        Raises:
+            RigError: the error number is another one, or the answer is invalid.
+        """
         self.tell(command)
         said = self.ask("ERR?")[0]
         if not re.fullmatch(r"-?\d{1,6}", said):
@@ -73,7 +89,11 @@ class GcsLine:
             raise RigError(f"{self.name}: {command}: error {said}, {words}")
 
     def ask(self, query: str) -> list[str]:
-        """Return the lines of the answer to a query, which may be a control character such as chr(5)."""
+        """Return the lines of the answer to a query: a text, or one control character such as chr(5).
+
+        Raises:
+            RigError: the answer is late or does not end, or more data came than the answer.
+        """
         if self._lost:
             raise RigError(f"{self.name}: {query!r}: not asked, an answer was late or garbage before")
         asked, lines = query.encode("latin-1"), list[str]()
@@ -91,7 +111,8 @@ class GcsLine:
         return [line.rstrip() for line in lines]
 
     def number(self, query: str) -> float:
-        """Return the number after the last "=" of the answer."""
+        """Return the number in the first line of the answer to a query, after the last "=" if there is
+        one."""
         said = self.ask(query)[0]
         found = re.fullmatch(r"(?:.*=)?\s*([-+.\deE]+)\s*", said)
         try:
@@ -101,7 +122,11 @@ class GcsLine:
             raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
 
     def table(self, query: str) -> list[list[float]]:
-        """Return the rows of a GCS array, checked against its header."""
+        """Return the rows of numbers in an answer in the GCS array format.
+
+        Raises:
+            RigError: the header announces another number of rows (NDATA) or columns (DIM) than came.
+        """
         said = self.ask(query)
         lines = [line for line in said if not line.startswith("#")]
         for name, count in (("NDATA", len([one for one in lines if one])), ("DIM", len(lines[0].split()))):

@@ -20,15 +20,15 @@ from .gcs import PORT, GcsLine
 
 _CYCLE = "SPA? 1 0x0E000200"  # query of the servo's cycle time, s
 _OPTIONS = {"position": 2, "drive": 16}  # record options: position of the axis, voltage of the channel
-_AT_A_TIME = 10  # values per command, whose length is limited
-_POLL = 0.02  # s between two queries
-_STEPS = 50  # most steps of a ramp
-_LATE = 5.0  # s after the end of the table within which the recording must end
-_BEYOND = 0.1  # fraction of a range by which a reading may exceed it
+_AT_A_TIME = 10  # number of table values in one command: the length of a command is limited
+_POLL = 0.02  # pause between two queries for the end of the recording, s
+_STEPS = 50  # largest number of voltage steps of the ramp to 0 V
+_LATE = 5.0  # time after the end of the wave table within which the recording must be complete, s
+_BEYOND = 0.1  # excess of a reading over each end of its range that is accepted, as a fraction of the range
 
 
 class PiRig:
-    """A piezo controller of Physik Instrumente that uses GCS; see `protocols.Rig`.
+    """A piezo controller of Physik Instrumente that uses GCS, as a `protocols.Rig`.
 
     Args:
         host: address of the controller.
@@ -83,7 +83,7 @@ class PiRig:
                     f"interval = {interval:g} s must be a multiple of {cycle:g} s, the servo's cycle"
                 )
             self._read_range()
-            # um: ends of the sensor's travel, with a tenth of it as a margin for readings.
+            # Range of credible position readings, um: the sensor's travel, and a tenth of it at each end.
             ends = [self._line.number(f"{name}? {axis}") for name in ("TMN", "TMX")]
             self._travel = ends[0] - _BEYOND * (ends[1] - ends[0]), ends[1] + _BEYOND * (ends[1] - ends[0])
             self._line.do("WGO 1 0")
@@ -106,7 +106,7 @@ class PiRig:
         )
 
     def refresh(self) -> None:
-        """Read the range of the output again: it may have been reduced at the controller."""
+        """Read the voltage range of the output again, because it may have been changed at the controller."""
         self._read_range()
         low, high = min(self._low, 0.0), max(self._high, 0.0)
         step = (self._high - self._low) / 65536
@@ -116,7 +116,8 @@ class PiRig:
         self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return the controller and its settings, for the recording."""
+        """Return attributes for the recording: "device", a JSON text with the controller's identity, axis and
+        sampling interval [s]."""
         del runs
         known = {
             "device": self._line.identity,
@@ -126,7 +127,7 @@ class PiRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Load the drive, V, with a ramp to 0 V at its end, into the wave table."""
+        """Load the drive [n], V, one value per update, into the wave table, with a ramp to 0 V at its end."""
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, can.update_rate)
         within(can.name, table, can.min_voltage, can.max_voltage, can.max_points + 1)
@@ -140,7 +141,8 @@ class PiRig:
         self._volts, self._lasts = np.array(volts, dtype=float), table.size / can.update_rate
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs when the wave generator starts."""
+        """Set up the data recorder: it starts with the wave generator and records `samples` samples of each
+        input."""
         can = self.capabilities
         check_inputs(can, inputs, samples)
         self._line.do(f"RTR {self._factor}")
@@ -150,14 +152,14 @@ class PiRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the wave generator, which starts the recorder."""
+        """Start the wave generator, which also starts the data recorder."""
         check_ready(self.capabilities, self._volts, self._samples)
         self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
         self._line.do("WGO 1 1")
         self._ends = time.monotonic() + self._lasts
 
     def fetch(self) -> Array:
-        """Return all samples [inputs, n] once they are recorded; none before."""
+        """Return all samples [inputs, n], in V and m, when the recording is complete; before, n is 0."""
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if self._line.number("DRL? 1") < self._samples + 1:
@@ -171,12 +173,13 @@ class PiRig:
         if len(rows) != self._samples + 1 or any(len(row) != len(self._inputs) for row in rows):
             raise RigError(f"{self._line.name}: {query}: {len(rows)} rows came")
         self._check(np.array(rows[1:]).T)
-        # the controller gives positions in um
+        # The controller reports positions in um.
         scale = np.array([1e-6 if name == "position" else 1.0 for name in self._inputs])
-        return (np.array(rows[1:]) * scale).T  # the first sample is from before the drive
+        return (np.array(rows[1:]) * scale).T  # the first row was sampled before the drive's first value
 
     def _check(self, found: Array) -> None:
-        """Raise RigError for readings that sensor or output cannot have."""
+        """Raise RigError if readings [inputs, n], in V and um, are outside the range of sensor or output, or
+        if the recorded drive does not follow the loaded one."""
         spare = _BEYOND * (self._high - self._low)
         for name, values in zip(self._inputs, found, strict=True):
             low, high = self._travel if name == "position" else (self._low - spare, self._high + spare)
@@ -191,7 +194,11 @@ class PiRig:
                 check_followed(self._line.name, values, held(self._volts, values.size))
 
     def stop(self, slew: float) -> None:
-        """End the wave if it still runs, and go to 0 V in steps. Without answers, go to 0 V at once."""
+        """Stop the wave generator and reduce the voltage to 0 V in steps, at `slew` [V/s] on average.
+
+        Raises:
+            RigError: the controller did not answer as expected; 0 V was then commanded at once, unchecked.
+        """
         running, self._running = self._running, False
         try:
             self._go_to_zero(slew, running)
@@ -208,7 +215,7 @@ class PiRig:
         lower(lambda share: self._line.do(f"SVA {self._axis} {share * volts:.5f}"), abs(volts), slew, _STEPS)
 
     def close(self) -> None:
-        """Close the connection. A running wave continues to its end, at 0 V."""
+        """Close the connection. A running wave table continues to its end, where it is at 0 V."""
         self._line.close()
 
 

@@ -1,8 +1,8 @@
-"""Piezosystem jena's NV200/D NET as a rig: generator and recorder of the amplifier on one clock.
+"""Piezosystem jena's amplifier NV200/D NET as a rig: its generator and its recorder, on one clock.
 
-The drive must fit into a table of 1024 values, whose end is repeated as a loop. A drive is therefore a
-periodic waveform, or steps with pauses; a period must be a whole number of updates. Each of the two channels
-has 6144 samples, which are read after the run.
+The drive must fit into a table of 1024 values, of which the generator can repeat the last part as a loop. A
+longer drive must therefore be periodic, with a period of a whole number of updates, or end in a constant. The
+recorder has two channels of 6144 samples, which are read after the run.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from ...protocols import About, Array, Capabilities, RigError
 from ...table import check_positive
 
 PORT = 23
-TICK = 50e-6  # s
-TABLE, RECORD = 1024, 6144
+TICK = 50e-6  # shortest interval of generator and recorder, s; others are multiples of it
+TABLE, RECORD = 1024, 6144  # number of values in the generator's table, of samples in a recorder channel
 _ON, _OFF = b"\x11", b"\x13"
 _ERRORS = {
     1: "error not specified",
@@ -36,16 +36,16 @@ _ERRORS = {
     10: "too high",
 }
 _SOURCES = {"position": 0, "drive": 2}
-_POLL = 0.02  # s between two queries
+_POLL = 0.02  # pause between two queries for the end of the recording, s
 
 
 class Nv200Rig:
-    """The amplifier NV200/D NET of piezosystem jena; see `protocols.Rig`.
+    """The amplifier NV200/D NET of piezosystem jena, as a `protocols.Rig`.
 
     Args:
         host: address of the amplifier.
         port: TCP port for data; 23 unless it was changed.
-        interval: s between updates of the output and between samples, a multiple of 50 us.
+        interval: s between updates of the output and between samples, a multiple of 50 us up to 3.27 s.
         ramp: slew of the initial ramp to 0 V, V/s. It is needed because a killed program leaves its last
             voltage.
         timeout: s, for each answer.
@@ -106,7 +106,7 @@ class Nv200Rig:
         )
 
     def refresh(self) -> None:
-        """Read the range of the amplifier again."""
+        """Read the voltage range of the amplifier again, because it may have been changed at the device."""
         self._read_range()
         step = (self._high - self._low) / 65536
         can = self.capabilities
@@ -114,23 +114,26 @@ class Nv200Rig:
 
     def _read_range(self) -> None:
         self._low, self._high = self._number("avmin"), self._number("avmax")
-        # The table contains fractions of this range, so an error would change the output: read it twice.
+        # Table values are fractions of this range, so a wrongly read range would scale the output: read the
+        # range twice.
         again = self._number("avmin"), self._number("avmax")
         if again != (self._low, self._high) or not self._low <= 0.0 < self._high:
             self._line.fail(f"avmin, avmax are {self._low:g}, {self._high:g} V, then {again} V")
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return the device and its settings, for the recording."""
+        """Return attributes for the recording: "device", a JSON text with the device's identity and sampling
+        interval [s]."""
         del runs
         return {
             "device": json.dumps({"device": "NV200/D_NET", **self.told_of, "interval": self._factor * TICK})
         }
 
     def load(self, volts: Array) -> None:
-        """Load the drive into the table.
+        """Load the drive [n], V, one value per update, into the generator's table.
 
         Raises:
-            RigError: it is longer than the table, even with a loop.
+            RigError: the drive is longer than the table even with a loop, repeats more than 65535 times, or
+                is outside the voltage range.
         """
         first, period, cycles = loop_of(volts, self.capabilities.step)
         size = first + period
@@ -159,7 +162,7 @@ class Nv200Rig:
         self._loaded, self._volts = True, np.array(volts, dtype=float)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs when the output starts."""
+        """Arm the recorder: it starts with the output and records `samples` samples of one or two inputs."""
         for name in inputs:
             if name not in _SOURCES:
                 raise RigError(f"NV200: there is no input {name!r}; there are {', '.join(_SOURCES)}")
@@ -174,7 +177,7 @@ class Nv200Rig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start generator and recorder."""
+        """Start the generator, and with it the armed recorder."""
         if not self._loaded or not self._samples:
             raise RigError("NV200: start needs a drive (load) and inputs (arm)")
         self._do("modsrc,3")
@@ -182,7 +185,7 @@ class Nv200Rig:
         self._running = True
 
     def fetch(self) -> Array:
-        """Return all samples [inputs, n] after the run, none before."""
+        """Return all samples [inputs, n], in V and m, when the recording is complete; before, n is 0."""
         if not self._running:
             raise RigError("NV200: nothing is running")
         if self._number("recrun") != 0.0:
@@ -201,7 +204,11 @@ class Nv200Rig:
         return np.array(rows)
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V with the slew rate of the device, 2 million V/s at most."""
+        """Ramp to 0 V at `slew` [V/s] by the slew-rate limit of the device, then remove the limit.
+
+        The limit is 2000 % of the voltage range per ms at most. The method waits for the ramp, for 10 s at
+        most.
+        """
         percent = slew / (self._high - self._low) * 0.1  # slew in % of the range per ms
         self._running = False
         commands = ("grun,0", f"sr,{min(max(percent, 8e-7), 2000.0):.7g}", "set,0", "modsrc,0")
@@ -212,10 +219,10 @@ class Nv200Rig:
         self._do("sr,2000")
 
     def output(self) -> tuple[Array, Array]:
-        """Return the output for the loaded drive: times [s] from the start and voltages [V], piecewise
-        linear.
+        """Return the output waveform of the loaded drive, piecewise linear: times [s] from the start, and
+        voltages [V].
 
-        Each value is assumed to be reached within 50 us (not measured on a device).
+        A new value is assumed to be reached in 50 us along a line (not measured on a device).
         """
         begins: Array = np.arange(self._volts.size, dtype=np.float64) * (TICK * self._factor)
         times: Array = np.stack([begins, begins + TICK], axis=1).ravel()
@@ -242,7 +249,8 @@ class Nv200Rig:
             self._line.fail(f"{command} is answered by {found[0][:60]!r}, no number")
 
     def _ask(self, command: str, timeout: float | None = None) -> list[str]:
-        """Return the values after the name in the answer."""
+        """Return the values in the answer to a query. The answer is the name of the query, then its values,
+        separated by commas."""
         name, *found = self._said(command, timeout).split(",")
         if name != command.split(",")[0] or not found:
             self._line.fail(f"{command} is answered by {','.join([name, *found])[:60]!r}")
@@ -265,18 +273,21 @@ class Nv200Rig:
 
 
 def loop_of(volts: Array, within: float) -> tuple[int, int, int]:
-    """Return the shortest table for a drive: values before the loop, length of the loop, and number of
-    cycles.
+    """Find the shortest generator table that plays a drive: some values once, then a loop of values.
 
-    After the loop the last value stays. A drive that ends in constant values therefore needs whole cycles up
-    to there.
+    After the last cycle the output keeps the last value. A drive that ends in a constant can therefore end
+    with its last change, if the values up to there are whole cycles.
 
     Args:
         volts: the drive [n], V, one value per update.
-        within: tolerance for repeated values, V.
+        within: largest difference of values that count as equal, V.
+
+    Returns:
+        Number of values before the loop, number of values in the loop, number of cycles of the loop.
     """
     changes = np.flatnonzero(np.abs(volts - volts[-1]) > within)
-    held = min(int(changes[-1]) + 2 if changes.size else 1, volts.size)  # end of the changes
+    # Number of values up to the last change; all later ones are equal.
+    held = min(int(changes[-1]) + 2 if changes.size else 1, volts.size)
     best = held - 1, 1, 1
     for values, whole in ((volts, False), (volts[:held], True)):
         for period in range(1, min(TABLE, values.size - 1) + 1):

@@ -1,11 +1,12 @@
-"""Twin of piezosystem jena's NV200/D NET: amplifier, position controller, generator and recorder on TCP.
+"""Twin (simulated device) of piezosystem jena's NV200/D NET: amplifier, position controller, generator and
+recorder on TCP.
 
-A sawtooth from the generator makes the stage walk. The position sensor measures the end-effector (or the
-stage itself). Made from the maker's library `nv200` 1.6.0, without hardware. Assumed: writes are answered by
-XOFF XON alone; numbers have three decimals; generator values are constant for an update; the output keeps its
-last value when the generator ends; the closed loop is an integral controller of the twin's own, every 5 ms;
-current and error codes of locked commands. Filters other than the slew rate and the low pass of the set
-point, SPI, ILC and trigger outputs are stored without effect.
+A sawtooth from the generator makes the stick-slip stage walk. The position sensor measures the end-effector
+(or the stage itself). Made from the maker's library `nv200` 1.6.0, without hardware. Assumed: a write is
+answered by XOFF XON alone; numbers have three decimals; the output is constant between two generator values
+and keeps the last one when the generator ends; the closed loop is an integral controller that is updated
+every 5 ms; the current; the error code of locked commands. Filters other than the slew rate and the low pass
+of the set point, SPI, ILC and trigger outputs are stored without effect.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ _XOFF, _XON = "\x13", "\x11"
 _PROMPT = "NV200/D_NET>"
 UNKNOWN, MISSING, OUT_OF_RANGE, TOO_MANY, LOCKED = 2, 3, 4, 5, 6
 
-# name -> default, least, greatest; integer settings have integer defaults
+# Settings by the name of their command: default, smallest and largest value. An integer default means that
+# the setting takes integers only.
 _KEPT: dict[str, tuple[float, float, float]] = {
     **{name: (0, 0, 1) for name in ("fenable", "setlpon", "notchon", "poslpon", "cl")},
     **{name: (0, 0, 7) for name in ("monsrc", "spisrc", "trgfkt", "trgedg", "spitrg")},
@@ -51,7 +53,7 @@ _KEPT: dict[str, tuple[float, float, float]] = {
 
 
 class DeviceError(Exception):
-    """Error of a command, with its number."""
+    """Refusal of a command; `number` is the error number that the device answers."""
 
     def __init__(self, number: int) -> None:
         super().__init__(str(number))
@@ -59,14 +61,14 @@ class DeviceError(Exception):
 
 
 class Nv200:
-    """The amplifier.
+    """Simulated NV200/D NET amplifier.
 
     Args:
-        stage: the stage on the amplifier.
-        noise: noise of the position sensor, m.
-        on: what the sensor measures, "end_effector" or "stage".
+        stage: the stage that the amplifier drives.
+        noise: standard deviation of a reading of the position sensor, m.
+        on: body whose position the sensor measures, "end_effector" or "stage".
         seed: seed of the noise.
-        clock: the clock.
+        clock: clock of the motions; by default the computer's.
     """
 
     def __init__(
@@ -105,19 +107,20 @@ class Nv200:
         }
 
     def session(self) -> FramedSession:
-        """Return a session."""
+        """Return a new session, for one connection."""
         return FramedSession(self)
 
     def leave(self) -> None:
-        """Stop a generator without an end; the voltage stays, as the amplifier's does."""
+        """Stop an endless generator when the connection ends. The output keeps its voltage, as that of the
+        real amplifier."""
         if self.kept["gcarb"] == 0:
             self.output.generate(False)
 
     def execute(self, line: str) -> str:
-        """Execute one command; return the answer of a query, "" for other commands.
+        """Execute one command; return the answer of a query, "" for a command without an answer.
 
         Raises:
-            DeviceError: the command is refused, with the number to answer.
+            DeviceError: the command is refused; `number` is the error number to answer.
         """
         name, *rest = (part.strip() for part in line.split(","))
         values = {"gbarb": 1, "gparb": 1, "recsrc": 1, "imeas": 1, "recoutf": 1, "recout": 3}.get(name, 0)
@@ -201,7 +204,7 @@ class Nv200:
 
 
 class FramedSession:
-    """A connection on which each answer comes between XOFF and XON."""
+    """A connection that sends each answer between the control characters XOFF and XON."""
 
     greeting = b""
 
@@ -209,7 +212,7 @@ class FramedSession:
         self._twin, self._lines = twin, Lines()
 
     def feed(self, data: bytes) -> bytes:
-        """Return the answers to the complete lines."""
+        """Return the answers to all lines that are complete after these received bytes."""
         made = ""
         for line in self._lines.feed(data):
             try:

@@ -1,4 +1,4 @@
-"""Output of the NV200's twin, tick by tick: set point, generator, closed loop and recorder."""
+"""Output of the simulated NV200 in ticks of 50 us: set point, generator, closed loop and recorder."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from ...protocols import Array
 from ...twins.axis import Axis, Clock
 from ...twins.stage import Path, Piece, Stage
 
-TICK = 50e-6  # s
-RECORD = 6144  # samples of the recorder
-RANGE = {"avmin": -20.0, "avmax": 180.0, "posmin": -80.0, "posmax": 80.0}  # V and um
-_PIECE = 400  # greatest number of ticks simulated at once
-_LOOP = 100  # ticks between two updates of the closed loop
+TICK = 50e-6  # interval of the amplifier's clock, s
+RECORD = 6144  # number of samples in a channel of the recorder
+RANGE = {"avmin": -20.0, "avmax": 180.0, "posmin": -80.0, "posmax": 80.0}  # ends of the ranges, V and um
+_PIECE = 400  # largest number of ticks simulated as one piece
+_LOOP = 100  # number of ticks between two updates of the closed loop (5 ms)
 
 
 class Recorder:
-    """Recorder of two channels, with samples `interval` apart.
+    """Recorder of two channels with the sampling interval `interval` [s].
 
-    The first sample is taken when the output next moves, or stays constant.
+    The first sample is taken at the start of the next simulated piece, in which the output may move or be
+    constant.
     """
 
     def __init__(self) -> None:
@@ -31,14 +32,24 @@ class Recorder:
         self.armed = self.running = False
 
     def start(self, stride: int, length: int) -> None:
-        """Start recording. With a length of 0 it continues until it is stopped, and keeps the last RECORD
-        samples."""
+        """Start recording.
+
+        Args:
+            stride: sampling interval in ticks.
+            length: number of samples; with 0 the recorder runs until it is stopped, and keeps the last
+                `RECORD` samples.
+        """
         self.rows, self.count = [], 0
         self._elapsed, self.interval, self.length = 0.0, stride * TICK, length
         self.armed, self.running = False, True
 
     def take(self, path: Path, columns: Array) -> None:
-        """Record the samples in a piece; `columns` [sources, n] are the sources at the times of the path."""
+        """Record the samples that fall into a simulated piece.
+
+        Args:
+            path: result of the piece.
+            columns: recorded quantities [channels, n] at the n times of the path, in V or um.
+        """
         began = self._elapsed
         self._elapsed += float(path.times[-1])
         last = int(np.floor(self._elapsed / self.interval - 1e-6)) + 1
@@ -54,14 +65,23 @@ class Recorder:
             self.rows.pop(0)
 
     def values(self, row: int) -> Array:
-        """Return the samples of one source, in order."""
+        """Return the last `RECORD` samples of one channel (0 or 1), oldest first, in V or um."""
         if not self.rows:
             return np.zeros(0)
         return np.concatenate([block[row] for block in self.rows])[-RECORD:]
 
 
 class Output:
-    """Output of the amplifier, and the stage on it; `kept` are the settings of the device."""
+    """Output stage of the simulated amplifier, with the stage that it drives.
+
+    Args:
+        stage: the driven stage.
+        clock: clock of the motions.
+        kept: present values of the device's settings by name, shared with the device.
+        noise: standard deviation of a position reading, m.
+        on: body whose position is measured, "end_effector" or "stage".
+        seed: seed of the noise.
+    """
 
     def __init__(
         self, stage: Stage, clock: Clock, kept: Mapping[str, float], noise: float, on: str, seed: int
@@ -77,7 +97,7 @@ class Output:
 
     @property
     def set_range(self) -> tuple[float, float]:
-        """Range of the set point: V, or um in closed loop."""
+        """Smallest and largest set point: in V, or in um in closed loop."""
         names = ("posmin", "posmax") if self._kept["cl"] else ("avmin", "avmax")
         return RANGE[names[0]], RANGE[names[1]]
 
@@ -89,21 +109,24 @@ class Output:
 
     @property
     def recording(self) -> bool:
-        """Return True while the recorder runs, or waits for its start."""
+        """Return True while the recorder runs or is armed."""
         self.axis.advance()
         return self.recorder.running or self.recorder.armed
 
     def percent(self, position: float) -> float:
-        """Return a position, um, in the unit of the table, %."""
+        """Convert a position [um] to percent of the position range, the unit of the generator's table."""
         return 100.0 * (position - RANGE["posmin"]) / (RANGE["posmax"] - RANGE["posmin"])
 
     def measured(self) -> float:
-        """Return the measured position, um."""
+        """Return a reading of the position sensor now, um."""
         _, y, x = self.axis.state()
         return float(self._sensed(np.array([y if self._on_stage else x]))[0])
 
     def go(self, value: float, seconds: float = 0.0) -> None:
-        """Move the output to a set point (V, or position in closed loop), at once or within some seconds."""
+        """Move the output to a set point (V, or um in closed loop), along a line of `seconds` s or at once.
+
+        If the generator or another source drives the output, the set point is only stored.
+        """
         self.axis.advance()
         if self._kept["recast"] == 1 and self.recorder.armed:
             self._record_now()
@@ -114,7 +137,11 @@ class Output:
             self._play(iter((points,)))
 
     def follow_source(self) -> None:
-        """Adapt to a switched loop or set-point source. A closed loop starts at the present position."""
+        """Stop the generator and adapt the set point, after the loop was opened or closed or its source
+        changed.
+
+        A closed loop starts with the present position as its set point.
+        """
         self._generating = False
         if self._kept["cl"] and self._kept["modsrc"] == 0:
             low, high = self.set_range
@@ -127,7 +154,7 @@ class Output:
             self._play(iter(()))
 
     def generate(self, run: bool) -> None:
-        """Start or stop the generator."""
+        """Start (`run` True) or stop the generator; an armed recorder may start with it."""
         self.axis.advance()
         if not run:
             if self.generating:
@@ -140,7 +167,7 @@ class Output:
         self._play(self._generated(), forever=self._kept["gcarb"] == 0)
 
     def record(self, run: bool) -> None:
-        """Start, arm or stop the recorder."""
+        """Start or arm the recorder (`run` True), as the setting `recast` says, or stop it."""
         self.axis.advance()
         self.recorder.armed = self.recorder.running = False
         if run and self._kept["recast"] != 0:
@@ -156,7 +183,7 @@ class Output:
         return self.recorder.values(channel)
 
     def stop(self) -> None:
-        """Ramp to 0 V."""
+        """Stop the generator and move the output to a set point of 0, at the slew rate of the settings."""
         self._generating, self.set_point = False, 0.0
         self._play(iter((np.zeros(1),)))
 
@@ -167,9 +194,10 @@ class Output:
         self.axis.begin(self._pieces(points), forever)
 
     def _pieces(self, points: Iterator[Array]) -> Iterator[Piece]:
-        """Return the pieces for set points, one per tick, through slew rate and loop.
+        """Yield the pieces of drive voltage for arrays of set points (V or um), one set point per tick.
 
-        After the last set point, pieces continue while the recorder runs or the output has not settled.
+        The set points pass the slew-rate limit, or the closed loop. After the last set point, pieces with
+        this set point continue while the recorder runs or the output has not settled.
         """
         for chunk in points:
             for first in range(0, chunk.size, _PIECE):
@@ -184,7 +212,7 @@ class Output:
         return abs(self._last_point - self.axis.stage.voltage) > 1e-9
 
     def _driven(self, points: Array) -> Iterator[Piece]:
-        """Return the pieces that lead the output along set points."""
+        """Yield the pieces of drive voltage for an array of set points (V or um), one per tick."""
         self._last_point = float(points[-1])
         if not self._kept["cl"]:
             yield _piece(self.axis.stage.voltage, self._slewed(points))
@@ -200,7 +228,8 @@ class Output:
             yield _piece(stage.voltage, np.linspace(stage.voltage, wanted, part.size + 1)[1:])
 
     def _slewed(self, points: Array) -> Array:
-        """Return the voltages, V, after low pass and slew rate."""
+        """Return the voltages [n], V, that follow set points [n], V, after the low pass and the slew-rate
+        limit."""
         points = np.clip(points, RANGE["avmin"], RANGE["avmax"])
         rate = float(self._kept["sr"])
         begin = self.axis.stage.voltage
@@ -221,7 +250,10 @@ class Output:
         return points
 
     def _generated(self) -> Iterator[Array]:
-        """Return the table, cycle by cycle."""
+        """Yield the set points of the generator (V or um), one per tick, cycle by cycle.
+
+        The first cycle starts at the table entry of the setting `goarb`, later ones at `gsarb`.
+        """
         kept = self._kept
         cycle, first = 0, int(kept["goarb"])
         while kept["modsrc"] == 3 and (kept["gcarb"] == 0 or cycle < kept["gcarb"]):
@@ -254,13 +286,16 @@ class Output:
         }.get(source, np.zeros_like(positions))
 
     def _sensed(self, at: Array) -> Array:
-        """Return the measured position, um."""
+        """Return readings [n] of the position sensor, um, for true positions [n], m."""
         return 1e6 * (at - self._zero + self._noise * self._random.standard_normal(at.size))
 
 
 def _piece(begin: float, volts: Array) -> Piece:
-    """Return a piece from the voltage `begin` with one voltage [V] per tick, reached within it. Ticks on a
-    straight line need no knot."""
+    """Return a piece of drive that starts at the voltage `begin` and reaches `volts[k]` [V] at the end of
+    tick k.
+
+    Voltages on a straight line between others are left out of its polygon.
+    """
     times: Array = np.arange(1, volts.size + 1, dtype=np.float64) * TICK
     slopes = np.diff(np.append(begin, volts))
     keep = np.append(np.abs(np.diff(slopes)) > 1e-12, True)

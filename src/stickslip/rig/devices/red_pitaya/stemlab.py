@@ -28,25 +28,26 @@ from ...table import (
 )
 
 PORT = 5000
-CLOCK = 125e6  # Hz
-BUFFER = 16384
-_SPAN = {"LV": 1.0, "HV": 20.0}  # V, to either side, set by the jumpers of the inputs
-_OUT = 1.0  # V, to either side
-_BITS = 14
-_LEAST = 1e-3  # V, least amplitude
-_POLL = 0.02  # s between two queries
-_LATE = 5.0  # s after the expected end within which the buffer must be full
+CLOCK = 125e6  # sample clock of the board's converters, Hz
+BUFFER = 16384  # number of values in the buffers of the generator and of each input
+_SPAN = {"LV": 1.0, "HV": 20.0}  # ends of the symmetric input range, V, by the setting of its jumper
+_OUT = 1.0  # ends of the symmetric output range, V
+_BITS = 14  # resolution of the output's converter
+_LEAST = 1e-3  # smallest amplitude that is sent to the generator, V
+_POLL = 0.02  # pause between two queries for a full buffer, s
+_LATE = 5.0  # time after the expected end within which the buffer must be full, s
 
 
 class RedPitayaRig:
-    """The board Red Pitaya, through its SCPI server; see `protocols.Rig`.
+    """The board Red Pitaya through its SCPI server, as a `protocols.Rig`.
 
     Args:
         host: address of the board.
         gain: gain of the amplifier at output 1, V at the piezo per V of the board.
         inputs: fast input of the board for each input of the rig, such as {"gauge": 1}, in V. The input
             "drive" is the loaded drive, unless an input measures it.
-        rate: Hz, of output and inputs; rounded to 125 MHz divided by an integer up to 65,536.
+        rate: Hz, of output and inputs; rounded to 125 MHz divided by 1, 2, 4, 8 or an integer from 16 to
+            65,536.
         jumpers: range of the inputs, "LV" (1 V to either side) or "HV" (20 V).
         ramp: V/s at the piezo, slew of the ramp to 0 V that ends each drive.
         port: TCP port of the SCPI server.
@@ -125,7 +126,8 @@ class RedPitayaRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return the board and its settings, for the recording."""
+        """Return attributes for the recording: "device", a JSON text with the board's identity, gain, inputs
+        and input range [V]."""
         del runs
         known = {
             "device": self._link.identity,
@@ -136,7 +138,7 @@ class RedPitayaRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Upload the drive, V at the piezo, with a ramp to 0 V at its end."""
+        """Upload the drive [n], V at the piezo, one value per update, with a ramp to 0 V at its end."""
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)
         within(can.name, table, can.min_voltage, can.max_voltage, BUFFER)
@@ -153,18 +155,19 @@ class RedPitayaRig:
         self._volts, self._lasts = np.array(volts, dtype=float), table.size / self._rate
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs when the output starts."""
+        """Set up the acquisition: it starts with the output and records `samples` samples of each input."""
         can = self.capabilities
         check_inputs(can, inputs, samples)
         self._do(
             *("ACQ:STOP", "ACQ:RST", f"ACQ:DEC {self._decimation}", "ACQ:AVG ON"),
             *("ACQ:DATA:FORMAT ASCII", "ACQ:DATA:UNITS VOLTS"),
-            f"ACQ:TRIG:DLY {samples + 1 - BUFFER // 2}",  # from the middle: these samples are the last
+            # The delay counts from the middle of the buffer, so that the drive's samples are its last values.
+            f"ACQ:TRIG:DLY {samples + 1 - BUFFER // 2}",
         )
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the generator, which starts the acquisition."""
+        """Start the generator, whose trigger starts the acquisition."""
         check_ready(self.capabilities, self._volts, self._samples)
         self._do("ACQ:START", "ACQ:TRIG AWG_PE", "OUTPUT1:STATE ON")
         self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
@@ -172,7 +175,7 @@ class RedPitayaRig:
         self._ends = time.monotonic() + self._lasts
 
     def fetch(self) -> Array:
-        """Return all samples [inputs, n], V, once the buffer is full; none before."""
+        """Return all samples [inputs, n], V, when the buffer is full; before, n is 0."""
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if self._link.ask("ACQ:TRIG:FILL?") != "1":
@@ -188,7 +191,10 @@ class RedPitayaRig:
         return np.array(rows)
 
     def stop(self, slew: float) -> None:
-        """Fade to 0 V and disconnect the output, which is disconnected even if fading fails."""
+        """Reduce the amplitude to 0 V at `slew` [V/s at the piezo], then switch the output off.
+
+        The output is switched off even if reducing the amplitude fails.
+        """
         running, self._running = self._running, False
         try:
             if running:
@@ -199,14 +205,15 @@ class RedPitayaRig:
             self._link.check("OUTPUT1:STATE OFF")
 
     def close(self) -> None:
-        """Close the connection. A running table continues to its end, at 0 V."""
+        """Close the connection. A running table continues to its end, where it is at 0 V."""
         self._link.close()
 
     def _fade(self, share: float) -> None:
         self._do(f"SOUR1:VOLT {max(share * self._amplitude, _LEAST):.6f}")
 
     def _read(self, channel: int) -> Array:
-        """Return the samples from the first value of the drive on, which is one sample after the trigger."""
+        """Return the samples [n] of a channel, V, from the first value of the drive on. The trigger is one
+        sample earlier."""
         query = f"ACQ:SOUR{channel}:DATA?"
         said = self._link.ask(query)
         try:

@@ -1,8 +1,9 @@
 """Function generators with arbitrary waveforms: the commands of each family, from their programming guides.
 
-A waveform is a table of integers, which is put out once after a trigger. The greatest integer corresponds to
-half of the peak-to-peak amplitude. So 0 is 0 V at any amplitude, and reducing the amplitude fades the output
-to 0 V. None of these tables was tried on an instrument.
+A waveform is a table of integers, which is put out once after a trigger. The largest integer corresponds to
+half of the peak-to-peak amplitude, and the middle of the range to 0 V at any amplitude. A program can
+therefore bring the output to 0 V by reducing the amplitude. None of these command tables was tried on an
+instrument.
 """
 
 from __future__ import annotations
@@ -21,17 +22,18 @@ T = TypeVar("T", bound=Any)
 class GeneratorCommands(NamedTuple):
     """A family of generators: the pattern of its ``*IDN?`` answer, its abilities, and its commands.
 
-    In commands, {n} is the output, {rate} is in Hz, and {volts} is from peak to peak. Tables are sent as
-    blocks of 16-bit integers, little-endian, from -`full` to `full`; "shifted" ones start at 0.
+    In commands, {n} is the number of the output, {rate} the update rate in Hz, and {volts} the amplitude in V
+    from peak to peak. Tables are sent as blocks of 16-bit integers, little-endian, from -`full` to `full`. If
+    `shifted`, `full` + 1 is added to each integer, so that all are positive.
     """
 
     name: str
-    known_by: str
-    volts: float  # greatest output, V into a high impedance
-    least: float  # least amplitude, V from peak to peak
-    points: int  # greatest number in a table
-    shortest: int
-    full: int  # greatest integer; the least is its negative
+    known_by: str  # regular expression that the answer to *IDN? contains
+    volts: float  # largest output voltage of either sign, V into a high impedance
+    least: float  # smallest amplitude, V from peak to peak
+    points: int  # largest number of values of a table
+    shortest: int  # smallest number of values of a table
+    full: int  # integer of the largest voltage, before a shift; its negative is the smallest voltage
     shifted: bool
     off: str
     before: tuple[str, ...]
@@ -41,8 +43,8 @@ class GeneratorCommands(NamedTuple):
     on: str
     trigger: str
     max_rate: float
-    packet: int = 0  # greatest block, 0 for no limit; {more} is then one of `parts`
-    parts: tuple[str, str] = ("", "")
+    packet: int = 0  # largest number of values in one block; 0: no limit
+    parts: tuple[str, str] = ("", "")  # text of {more} in `upload`: for a block before the last, for the last
 
 
 KEYSIGHT_33500 = GeneratorCommands(
@@ -118,10 +120,10 @@ GENERATORS = (KEYSIGHT_33500, RIGOL_DG1000Z)
 
 
 class Generator:
-    """Output of a generator.
+    """One output of a function generator.
 
     Args:
-        where: see `ScpiInstrument`.
+        where: "HOST", "HOST:PORT" or a VISA resource, as for `ScpiInstrument`.
         output: number of the output.
         timeout: s, for each answer.
 
@@ -140,7 +142,11 @@ class Generator:
             raise
 
     def load(self, values: Array, rate: float) -> None:
-        """Upload the values [n], V, which start and end at 0. Nothing is put out yet."""
+        """Upload a table of values [n], V at the generator, with `rate` values per second.
+
+        The values must start and end at 0 V. The output stays off, and the generator then waits for a
+        trigger.
+        """
         one = self.table
         values = np.append(values, np.zeros(max(one.shortest - values.size, 0)))
         greatest = max(float(np.abs(values).max()), 0.5 * one.least)
@@ -156,19 +162,19 @@ class Generator:
         self._do(*one.after)
 
     def on(self) -> None:
-        """Connect the output, which is at 0 V and waits for a trigger."""
+        """Switch the output on. It is at 0 V, and the generator waits for a trigger."""
         self._do(self.table.on)
 
     def trigger(self) -> None:
-        """Put out the table once."""
+        """Trigger the generator, which puts out its table once."""
         self._do(self.table.trigger)
 
     def fade(self, share: float) -> None:
-        """Set the amplitude to this fraction of the loaded one."""
+        """Set the amplitude to a fraction `share` of that of the loaded table."""
         self._do(self.table.amplitude, volts=max(share * self._volts, self.table.least))
 
     def off(self) -> None:
-        """Disconnect the output. The command is sent even if earlier answers are missing."""
+        """Switch the output off. The command is sent even after missing answers to earlier commands."""
         command = self.table.off.format(n=self._n)
         self.link.tell(command)
         self.link.check(command)
@@ -181,7 +187,11 @@ class Generator:
 
 
 def known(link: ScpiInstrument, tables: tuple[T, ...]) -> T:
-    """Return the command table of the instrument's family. Raises RigError for unknown families."""
+    """Return the command table, one of `tables`, of the family that an instrument's identity belongs to.
+
+    Raises:
+        RigError: the instrument belongs to none of the families.
+    """
     for table in tables:
         if re.search(table.known_by, link.identity):
             return table

@@ -17,16 +17,16 @@ from ...protocols import Array, RigError
 from ...scpi import ScpiInstrument
 from .generators import known
 
-_POLL = 0.01  # s between two queries
-_BEYOND = 1.5  # greatest credible voltage, in spans of a channel about 0 V
-_ARMED = 5.0  # s, longest time for arming
+_POLL = 0.01  # pause between two queries for the state, s
+_BEYOND = 1.5  # largest credible voltage of either sign, as a multiple of the channel's voltage range
+_ARMED = 5.0  # longest time that an oscilloscope may take until it waits for a trigger, s
 
 
 class Preamble(NamedTuple):
-    """Conversion from numbers to volts: sample i is at time `begin` + i `tick` and has `zero` + `unit` times
-    its number.
+    """Conversion of an oscilloscope's integers to times and voltages.
 
-    `points` is the number of samples, if the instrument reports it.
+    Sample i is at the time `begin` + i `tick` after the trigger, in s. Its voltage is `zero` + `unit` times
+    its integer, in V. `points` is the number of samples, or None if the instrument does not report it.
     """
 
     begin: float
@@ -39,28 +39,28 @@ class Preamble(NamedTuple):
 class OscilloscopeCommands(NamedTuple):
     """A family of oscilloscopes: the pattern of its ``*IDN?`` answer, and its commands.
 
-    In commands, {n} is a channel and {span} the range of the screen, V; {division} is an eighth of it.
-    {source} is the trigger source and {level} its level, V. {length} is the time on the screen, s; {half} and
-    {tenth} are parts of it.
+    In commands, {n} is a channel and {span} the voltage range of the screen, V; {division} is an eighth of
+    the range. {source} is the trigger source and {level} the trigger level, V. {length} is the time on the
+    screen, s; {half} and {tenth} are a half and a tenth of this time.
     """
 
     name: str
-    known_by: str
+    known_by: str  # regular expression that the answer to *IDN? contains
     errors: str
     before: tuple[str, ...]
     channel: tuple[str, ...]
-    hidden: str  # for the channels that are not recorded
+    hidden: str  # command that hides a channel that is not recorded
     screen: tuple[str, ...]
     single: tuple[str, ...]
     state: str
-    waits: Callable[[str], bool]  # state of an armed oscilloscope before the trigger
-    over: Callable[[str], bool]
+    waits: Callable[[str], bool]  # returns True for the answer to `state` that means: waits for the trigger
+    over: Callable[[str], bool]  # returns True for the answer to `state` that means: acquisition ended
     stop: str
     wave: tuple[str, ...]
     preamble: Callable[[ScpiInstrument], Preamble]
     data: str
-    kind: str  # data type of the numbers
-    clipped: tuple[int, int]  # numbers that mean out of range
+    kind: str  # NumPy data type of the integers of a recording
+    clipped: tuple[int, int]  # integers that mean: below the voltage range, above it
     decades: tuple[float, ...] = (1.0, 2.0, 5.0)  # possible times of a tenth of the screen, in each decade
 
 
@@ -116,7 +116,7 @@ INFINIIVISION = OscilloscopeCommands(
     ),
     single=(":SING",),
     state=":OPER:COND?",
-    waits=lambda said: bool(int(said) & 8),  # bit 3: acquisition runs
+    waits=lambda said: bool(int(said) & 8),  # bit 3 of the answer is set while the acquisition runs
     over=lambda said: not int(said) & 8,
     stop=":STOP",
     wave=(
@@ -171,7 +171,7 @@ RIGOL = OscilloscopeCommands(
 TEKTRONIX = OscilloscopeCommands(
     name="Tektronix MSO, DPO, MDO 2000, 3000, 4000",
     known_by=r"TEKTRONIX,\s*(MSO|DPO|MDO)[234]\d\d\d",
-    errors="*ESR?;EVM?",  # *ESR? first releases the new events for EVM?
+    errors="*ESR?;EVM?",  # without *ESR? before it, EVM? does not report new events
     before=(
         "*CLS",
         "HEAD OFF",
@@ -211,8 +211,8 @@ class Oscilloscope:
     """An oscilloscope that records from a trigger on.
 
     Args:
-        where: see `ScpiInstrument`.
-        source: trigger source in the instrument's words: "EXT", "CHAN1".
+        where: "HOST", "HOST:PORT" or a VISA resource, as for `ScpiInstrument`.
+        source: trigger source as the instrument calls it, such as "EXT" or "CHAN1".
         level: trigger level, V.
         timeout: s, for each answer.
 
@@ -234,9 +234,12 @@ class Oscilloscope:
             raise
 
     def arm(self, spans: dict[int, float], length: float) -> None:
-        """Set the range of each channel, V from end to end, and the recorded time after the trigger, s.
+        """Set up the recorded channels and the recorded time.
 
-        The time on the screen is rounded up to the next possible value.
+        Args:
+            spans: voltage range of each recorded channel by its number, V from bottom to top; all other
+                channels are hidden.
+            length: recorded time after the trigger, s; rounded up to the next time that the screen can have.
         """
         length = 10.0 * _step_up(0.1 * length, self.table.decades)
         given = {
@@ -256,7 +259,11 @@ class Oscilloscope:
         self._shown, self._spans, self.length = set(spans), spans, length
 
     def start(self) -> None:
-        """Arm for one trigger; return when the instrument waits for it."""
+        """Arm the oscilloscope for one trigger, and return when it waits for the trigger.
+
+        Raises:
+            RigError: the oscilloscope does not wait for a trigger within 5 s.
+        """
         for command in self.table.single:
             self.link.do(command)
         end = time.monotonic() + _ARMED
@@ -274,7 +281,9 @@ class Oscilloscope:
         self.link.do(self.table.stop)
 
     def read(self, channel: int, times: Array) -> Array:
-        """Return the voltages [n] of a channel at these times after the trigger, s.
+        """Return the voltages [n], V, of a channel at n equidistant times after the trigger, s.
+
+        The samples of the instrument are interpolated linearly.
 
         Raises:
             RigError: the samples do not cover these times or are too far apart, or the signal was out of

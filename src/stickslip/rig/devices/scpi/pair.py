@@ -31,15 +31,15 @@ from ...table import (
 from .generators import Generator
 from .oscilloscopes import Oscilloscope
 
-_SAMPLES = 50_000  # of a recording; oscilloscopes return some 60,000 points of a screen
-_SPAN = 8.0  # V, range of an input by default
-_POLL = 0.02  # s between two queries
-_JITTER = 1e-6  # s, assumed for a trigger by cable
-_LATE = 5.0  # s after the end of the screen within which an acquisition must end
+_SAMPLES = 50_000  # largest number of samples of a recording; InfiniiVision returns 62,500 points of a screen
+_SPAN = 8.0  # default voltage range of an input, V from the bottom to the top of the screen
+_POLL = 0.02  # pause between two queries for the end of the acquisition, s
+_JITTER = 1e-6  # uncertainty of the delay between output and recording, s; assumed for a trigger by cable
+_LATE = 5.0  # time after the end of the screen within which the acquisition must end, s
 
 
 class PairRig:
-    """A function generator and an oscilloscope that use SCPI; see `protocols.Rig`.
+    """A function generator and an oscilloscope that use SCPI, together as a `protocols.Rig`.
 
     Args:
         generator, oscilloscope: "HOST", "HOST:PORT" (default port 5025; Rigol 5555, Tektronix 4000), or a
@@ -51,7 +51,7 @@ class PairRig:
         rate: Hz, of output and inputs.
         ramp: V/s at the piezo, slew of the ramp to 0 V that ends each drive.
         output: number of the generator's output.
-        trigger: trigger source in the oscilloscope's words.
+        trigger: trigger source as the oscilloscope calls it, such as "EXT" or "CHAN1".
         level: trigger level, V.
         timeout: s, for each answer.
 
@@ -69,7 +69,8 @@ class PairRig:
         ports=(5025, 5555, 4000),
     )
 
-    asked_last: ClassVar[bool] = True  # other controllers also answer *IDN?
+    # A search asks this client last at an address, because other devices also answer *IDN?.
+    asked_last: ClassVar[bool] = True
 
     @staticmethod
     def identify(host: str, port: int, timeout: float) -> str:
@@ -113,7 +114,8 @@ class PairRig:
         self._volts: Array = np.zeros(0)
         self._inputs: tuple[str, ...] = ()
         self._samples, self._running = 0, False
-        self._lasts = self._ends = self._over = 0.0  # s: duration; times when table and acquisition end
+        # Duration of the table, s; latest ends of the table and of the acquisition, s of the monotonic clock.
+        self._lasts = self._ends = self._over = 0.0
         self.capabilities = Capabilities(
             name=f"{one.name} and {self._oscilloscope.table.name}",
             update_rate=rate,
@@ -129,7 +131,8 @@ class PairRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return the instruments and their settings, for the recording."""
+        """Return attributes for the recording: "device", a JSON text with both identities, gain and
+        channels."""
         del runs
         known = {
             "generator": self._generator.link.identity,
@@ -140,7 +143,7 @@ class PairRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Upload the drive, V at the piezo, with a ramp to 0 V at its end."""
+        """Upload the drive [n], V at the piezo, one value per update, with a ramp to 0 V at its end."""
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)
         within(can.name, table, can.min_voltage, can.max_voltage, self._generator.table.points)
@@ -150,17 +153,17 @@ class PairRig:
         self._lasts = table.size / self._rate
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Set up the oscilloscope for these inputs."""
+        """Set up the oscilloscope to record `samples` samples of these inputs after the trigger."""
         can = self.capabilities
         check_inputs(can, inputs, samples)
         read = [name for name in inputs if name in self._channels]
-        shown = read or list(self._channels)[:1]  # one channel must show when the run is over
+        shown = read or list(self._channels)[:1]  # without a channel no acquisition would show the run's end
         spans = {self._channels[name]: self._spans.get(name, _SPAN) for name in shown}
         self._oscilloscope.arm(spans, (samples + 1) / self._rate)
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Trigger the generator, which triggers the oscilloscope."""
+        """Arm the oscilloscope, then trigger the generator, whose sync output triggers the oscilloscope."""
         check_ready(self.capabilities, self._volts, self._samples)
         self._oscilloscope.start()
         self._generator.on()
@@ -170,7 +173,7 @@ class PairRig:
         self._over = time.monotonic() + self._oscilloscope.length + _LATE
 
     def fetch(self) -> Array:
-        """Return all samples [inputs, n], V, once the acquisition is over; none before."""
+        """Return all samples [inputs, n], V, when the acquisition has ended; before, n is 0."""
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if not self._oscilloscope.over():
@@ -181,7 +184,7 @@ class PairRig:
                 )
             time.sleep(_POLL)
             return np.zeros((len(self._inputs), 0))
-        # The table starts with a value at rest, so the drive starts one update later.
+        # The table starts with one value of 0 V, so the drive starts one update after the trigger.
         times = np.arange(1, self._samples + 1) / self._rate
         played = held(self._volts, self._samples)
         read, channels = self._oscilloscope.read, self._channels
@@ -191,7 +194,10 @@ class PairRig:
         return np.array(rows)
 
     def stop(self, slew: float) -> None:
-        """Fade to 0 V and disconnect the output, which is disconnected even if fading fails."""
+        """Reduce the amplitude to 0 V at `slew` [V/s at the piezo], then switch the output off.
+
+        The output is switched off even if reducing the amplitude fails.
+        """
         running, self._running = self._running, False
         try:
             if running:
@@ -203,7 +209,7 @@ class PairRig:
                 self._oscilloscope.stop()
 
     def close(self) -> None:
-        """Close both connections. A running table continues to its end, at 0 V."""
+        """Close both connections. A running table continues to its end, where it is at 0 V."""
         self._generator.link.close()
         self._oscilloscope.link.close()
 

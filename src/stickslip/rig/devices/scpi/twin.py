@@ -1,4 +1,4 @@
-"""Twins of a function generator and an oscilloscope with one stage."""
+"""Twins (simulated devices) of a function generator and an oscilloscope, with one stage between them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,20 @@ from .twin_wiring import Wiring
 
 
 class InstrumentPair(NamedTuple):
-    """Both instruments, for two servers."""
+    """Simulated generator and oscilloscope; each needs a server of its own."""
 
     generator: GeneratorTwin
     oscilloscope: OscilloscopeTwin
 
 
 def make_pair(stages: list[Stage], seed: int = 0, clock: Clock | None = None) -> InstrumentPair:
-    """Return both instruments, connected by an amplifier of 15 V/V and a sensor of 10 um/V on a stage."""
+    """Return both simulated instruments, connected by an amplifier (15 V/V), a stage and a sensor (10 um/V).
+
+    Args:
+        stages: the first one is used.
+        seed: not used, because these twins have no noise by default.
+        clock: clock of the motions; by default the computer's.
+    """
     del seed
     wiring = Wiring(stages[0], clock=clock)
     return InstrumentPair(GeneratorTwin(wiring), OscilloscopeTwin(wiring))

@@ -1,8 +1,8 @@
-"""Twin of a function generator, with the commands of Keysight's 33500 or Rigol's DG1000Z.
+"""Twin (simulated device) of a function generator, with the commands of Keysight's 33500 or Rigol's DG1000Z.
 
-Made from their programming guides, without hardware. Assumed: each value of a table is constant for an
-update; a burst waits, and ends, at the first value; a disconnected output is at 0 V at once; the sync output
-rises when a burst starts.
+Made from their programming guides, without hardware. Assumed: the output is constant between two values of a
+table; before and after a burst it has the table's first value; an output that is switched off is at 0 V at
+once; the sync output rises when a burst starts.
 """
 
 from __future__ import annotations
@@ -21,12 +21,17 @@ GENERATORS = {
     "33500": "Agilent Technologies,33522B,MY52800001,3.03-1.19-2.00-52-00",
     "dg1000z": "Rigol Technologies,DG1032Z,DG1ZA000000001,03.01.12",
 }
-_CHUNK = 0.02  # s of a table simulated as one piece
-_EDGE = 0.02  # time of the output's jump, as a fraction of an update
+_CHUNK = 0.02  # duration of the part of a table that is simulated as one piece, s
+_EDGE = 0.02  # duration of the output's jump to a new value, as a fraction of the update interval
 
 
 class GeneratorTwin(ScpiDevice):
-    """The generator, of a family in `GENERATORS`."""
+    """Simulated function generator.
+
+    Args:
+        wiring: amplifier, stage and cables at the generator's output.
+        family: a name in `GENERATORS`, which decides the commands.
+    """
 
     def __init__(self, wiring: Wiring, family: str = "33500") -> None:
         super().__init__(GENERATORS[family])
@@ -70,7 +75,12 @@ class GeneratorTwin(ScpiDevice):
         return keep
 
     def _upload_dac(self, given: list[str], block: bytes) -> None:
-        """Load the table from a block, or from numbers in text."""
+        """Load the table from a binary block of 16-bit integers or, without a block, from numbers in text.
+
+        Args:
+            given: suffix of the header, name of the waveform, then the numbers.
+            block: the binary block, empty if there is none.
+        """
         low_first = self._settings.get("FORM:BORD", "NORM").upper().startswith("SWAP")
         if block:
             values = np.frombuffer(block[: len(block) // 2 * 2], "<i2" if low_first else ">i2").astype(float)
@@ -112,7 +122,7 @@ class GeneratorTwin(ScpiDevice):
                 heard(self._wiring.clock.now())
 
     def _pieces(self) -> Iterator[Piece]:
-        """Return the table in pieces, each with the amplitude at its time."""
+        """Yield the drive at the piezo in pieces, each with the amplitude set when the piece is simulated."""
         tick, size = 1.0 / self._rate, max(round(_CHUNK * self._rate), 1)
         for first in range(0, self._table.size, size):
             values = self._table[first : first + size] * (0.5 * self.amplitude * self._wiring.gain)

@@ -1,7 +1,8 @@
-"""Twin of an oscilloscope, with the commands of InfiniiVision, Rigol's MSO5000 or Tektronix's DPO3000.
+"""Twin (simulated device) of an oscilloscope, with the commands of InfiniiVision, Rigol's MSO5000 or
+Tektronix's DPO3000.
 
-Made from their programming guides, without hardware. All families have 12 bits over the screen (8 in bytes)
-and 5,000 samples on it.
+Made from their programming guides, without hardware. In all families the screen has 5,000 samples with a
+resolution of 12 bits (8 bits if the data are requested as bytes).
 """
 
 from __future__ import annotations
@@ -22,13 +23,18 @@ _LEVELS = 4096
 
 
 class OscilloscopeTwin(ScpiDevice):
-    """The oscilloscope, of a family in `OSCILLOSCOPES`."""
+    """Simulated oscilloscope.
+
+    Args:
+        wiring: cables to the oscilloscope's channels and trigger.
+        family: a name in `OSCILLOSCOPES`, which decides the commands.
+    """
 
     def __init__(self, wiring: Wiring, family: str = "infiniivision") -> None:
         super().__init__(OSCILLOSCOPES[family], "EVM?" if family == "dpo3000" else "SYST:ERR?")
         self._wiring, self._source, self.lock = wiring, 1, wiring.lock
         self._spans = dict.fromkeys(range(1, 5), 8.0)
-        self._length, self._middle = 1e-3, 0.0  # time on the screen, s, and its middle after the trigger, s
+        self._length, self._middle = 1e-3, 0.0  # time on the screen; middle of the screen after trigger, s
         self._armed, self._began, self._ended = False, None, False
         self._settings: dict[str, str] = {"WAV:FORM": "BYTE"}
         wiring.triggers.append(self._triggered)
@@ -136,11 +142,15 @@ class OscilloscopeTwin(ScpiDevice):
         return "STOP" if over else "RUN"
 
     def _unit(self) -> tuple[float, float, float]:
-        """Return the sampling interval, s, the V per number, and the time of the first sample, s."""
+        """Return the sampling interval [s], the voltage per 12-bit integer [V] of the chosen channel, and the
+        time of the first sample after the trigger [s]."""
         return self._length / _POINTS, self._spans[self._source] / _LEVELS, self._middle - 0.5 * self._length
 
     def _ten(self) -> str:
-        """Return the preamble. For an offset of 0 the origin is 0; Keysight uses V, Rigol numbers."""
+        """Return the preamble: ten numbers as text that scale the samples, for Keysight and Rigol.
+
+        Their origin of voltages is in V and in integers, respectively; here it is 0 in both.
+        """
         tick, unit, begin = self._unit()
         word = self._settings["WAV:FORM"].upper().startswith("WORD")
         text = self._settings["WAV:FORM"].upper().startswith("ASC")
@@ -153,7 +163,11 @@ class OscilloscopeTwin(ScpiDevice):
         return tick, begin, unit / 16.0, 0.0, 0.0
 
     def _data(self) -> bytes:
-        """Return the record as a block."""
+        """Return the samples of the chosen channel as an SCPI block, in the requested format.
+
+        Raises:
+            ScpiError: there was no trigger since the oscilloscope was armed.
+        """
         if self._began is None:
             raise ScpiError(-230, "Data corrupt or stale")
         tick, unit, begin = self._unit()

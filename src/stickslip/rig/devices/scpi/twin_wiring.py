@@ -1,4 +1,4 @@
-"""Wiring between a generator and an oscilloscope: amplifier, actuator, sensor, cables."""
+"""Simulated wiring between a function generator and an oscilloscope: amplifier, stage, sensor and cables."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from ...twins.stage import Path, Piece, Stage
 
 
 class Wiring:
-    """Connections between the instruments.
+    """Connections between a simulated generator and a simulated oscilloscope.
 
     Args:
         stage: the stage that the amplifier drives.
         gain: gain of the amplifier, V/V.
         per_volt: scale of the sensor on channel 2, m/V; channel 1 is connected to the generator's output.
-        noise: noise of the sensor, V.
-        clock: the clock.
+        noise: standard deviation of the sensor's output, V.
+        clock: clock of the motions; by default the computer's.
 
-    `cables` are the cables that are plugged in.
+    `cables` is the set of cables that are plugged in: "output", "sync" (trigger) and "sensor".
     """
 
     def __init__(
@@ -36,11 +36,12 @@ class Wiring:
         noise: float | str = 0.0,
         clock: Clock | None = None,
     ) -> None:
-        self.clock, self.lock = clock or WallClock(), threading.RLock()  # both programs share one stage
+        # The lock is shared, because the servers of both instruments use one stage from two threads.
+        self.clock, self.lock = clock or WallClock(), threading.RLock()
         self.stage, self.gain, self.per_volt, self.noise = stage, gain, per_volt, to_si(noise, "V", "noise")
         self.axis = Axis(stage, self.clock, self._heard)
         self.cables = {"output", "sync", "sensor"}
-        self.triggers: list[Any] = []  # called with the start time of a burst
+        self.triggers: list[Any] = []  # functions that are called with the start time of each burst, s
         self._zero, self._random = stage.position, np.random.default_rng(5)
         self._paths: list[Path] = []
 
@@ -51,19 +52,23 @@ class Wiring:
             return self.axis.state()[0]
 
     def put_out(self, pieces: Iterator[Piece]) -> None:
-        """Start pieces. The oscilloscope's records start with them."""
+        """Start to play pieces of drive at the piezo. The oscilloscope's recording starts with them."""
         self.axis.advance()  # earlier pieces are not recorded
         self._paths = []
         self.axis.begin(pieces)
 
     @property
     def played(self) -> float:
-        """Time of the pieces that have been computed, s; infinite if no more will come."""
+        """Duration of the pieces that were simulated since the start, s; infinite if none will follow."""
         moving = self.axis.moving
         return sum(float(path.times[-1]) for path in self._paths) if moving else math.inf
 
     def seen(self, channel: int, times: Array) -> Array:
-        """Return the voltages at a channel, at times after the start, s."""
+        """Return the voltages [n], V, at an oscilloscope channel, at times [n] after the start of the
+        pieces, s.
+
+        Channel 1 is the generator's output and 2 the sensor. Others, and unplugged cables, have 0 V.
+        """
         self.axis.advance()
         plug = {1: "output", 2: "sensor"}.get(channel, "")
         made: Array = np.zeros(times.size)

@@ -12,7 +12,7 @@ from ...positioner import Ranges
 from ...protocols import About, RigError
 
 PORT = 55551
-_FULL, _SCALE = 100.0, 65535  # V, and the corresponding number
+_FULL, _SCALE = 100.0, 65535  # full-scale voltage of steps and scans, V, and the number that means it
 _MOVING, _SENSOR = 1 << 0, 1 << 5
 _ASK = b":SYST:ERR?"
 _ERROR, _WHOLE = re.compile(r"[+-]?[0-9]+,"), re.compile(r"[+-]?[0-9]{1,18}")
@@ -20,7 +20,7 @@ _MOST_ERRORS, _MOST_AXES = 64, 64
 
 
 class Mcs2Client:
-    """The controller; see `Positioner`. Its axes are its channels, from 0.
+    """Client of an MCS2 controller, with the methods of `Positioner`. Its axes are its channels, from 0.
 
     Args:
         host: address of the controller.
@@ -61,8 +61,8 @@ class Mcs2Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start open-loop steps: `count` steps of this voltage [V] and frequency [Hz], backwards if
-        negative."""
+        """Start `count` open-loop steps of this amplitude [V] and step rate [Hz]; a negative count is
+        backwards."""
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         self._do(f":CHAN{axis}:STEP:AMPL {max(round(voltage / _FULL * _SCALE), 1)}")
@@ -71,31 +71,32 @@ class Mcs2Client:
         self._do(f":MOVE{axis} {count}")
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Set a constant voltage."""
+        """Set the piezo of an axis to a constant voltage, 0 to 100 V."""
         voltage = to_si(voltage, "V", "voltage")
         self.ranges._replace(min_voltage=0.0).check(axis, voltage=voltage)
         self._do(f":CHAN{axis}:MMOD 2")
         self._do(f":MOVE{axis} {round(voltage / _FULL * _SCALE)}")
 
     def go(self, axis: int, position: float | str) -> None:
-        """Start a closed-loop motion to a position, m from the origin of the sensor."""
+        """Start a closed-loop motion to a position, in m from the zero of the axis's sensor."""
         position = to_si(position, "m", "position")
         self.ranges.check(axis)
         self._do(f":CHAN{axis}:MMOD 0")
         self._do(f":MOVE{axis} {round(1e12 * position)}")
 
     def moving(self, axis: int) -> bool:
-        """Return True during a motion."""
+        """Return True while the axis moves."""
         self.ranges.check(axis)
         return bool(self._number(f":CHAN{axis}:STAT?") & _MOVING)
 
     def position(self, axis: int) -> float:
-        """Return the position, m, from where the axis was at power-on, or from its reference mark."""
+        """Return the position that the sensor measures, m. Its zero is the position at power-on, until the
+        reference mark was found."""
         self.ranges.check(axis)
         return 1e-12 * self._number(f":CHAN{axis}:POS?")
 
     def stop(self) -> None:
-        """Stop all motions."""
+        """Stop the motions of all axes. The piezos keep their voltages."""
         self._line.insist(lambda: self._do("\n".join(f":STOP{axis}" for axis in self.ranges.axes)))
 
     def close(self) -> None:
@@ -109,8 +110,14 @@ class Mcs2Client:
         return int(said)
 
     def _ask(self, command: str) -> str:
-        """Return the answer to a query. A wrong query has no answer: the error, queried with it, arrives
-        instead."""
+        """Return the answer to a query.
+
+        A query of the error queue is sent with each query. A refused query has no answer, so its error
+        arrives first.
+
+        Raises:
+            RigError: the query was refused, or its answer is late or invalid.
+        """
         said = self._sent(command)
         if _ERROR.match(said):
             self._check(command, said)
@@ -130,7 +137,11 @@ class Mcs2Client:
         return self._line.until(b"\n", command.encode("latin-1")).decode("latin-1").strip()
 
     def _check(self, command: str, said: str) -> None:
-        """Empty the error queue. Raises RigError with its oldest error."""
+        """Empty the error queue of the controller, from whose answers `said` is the first.
+
+        Raises:
+            RigError: the queue held an error; the message contains the oldest one.
+        """
         if not _ERROR.match(said):
             self._line.fail(f"{command}, then {_ASK.decode()}: {said[:60]!r} came, late or garbage")
         first, passed = said, ("0,", "+0,")

@@ -1,11 +1,12 @@
-"""Twin of SmarAct's MCS2: its ASCII interface on TCP, channels with an incremental position sensor.
+"""Twin (simulated device) of SmarAct's MCS2: its ASCII interface on TCP, and channels with an incremental
+position sensor.
 
 Positions are in pm. The numbers 0 to 65535 of steps and scans correspond to 0 to 100 V. At power-on the
 position is 0 wherever the stage is; `:REF` finds the mark in the middle of the travel. Made from the drivers
-of BLISS (ESRF), EPICS and Kamzik3; error codes are those of the maker's public header. Assumed: the words of
-errors other than SCPI's own; the closed loop (steps while the error is larger than a step, then the piezo
-within its stroke, every 2 ms); ideal calibration. Range limits, safe direction, sensor delay and thresholds
-of the loop are stored without effect.
+of BLISS (ESRF), EPICS and Kamzik3; error codes are those of the maker's public header. Assumed: the texts of
+errors other than SCPI's own; the closed loop (steps while the error is larger than about half a step, then
+the piezo within its stroke, every 2 ms); ideal calibration. Range limits, safe direction, sensor delay and
+thresholds of the loop are stored without effect.
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ from ...twins.axis import Axis, Clock, WallClock, ramp, steps
 from ...twins.server import Lines
 from ...twins.stage import Piece, Stage
 
-FULL, FULL_SCALE = 100.0, 65535  # V, and the corresponding number
-_TICK = 2e-3  # s, sampling interval of the closed loop
-_WITHIN = 20e-9  # m, greatest error at the target
-_PATIENCE = 2000  # ticks or bursts of steps within which the target must be reached
-_QUEUE = 20  # longest error queue
-_MODULE_CHANNELS = 3  # channels of one driver module
+FULL, FULL_SCALE = 100.0, 65535  # full-scale voltage of steps and scans, V, and the number that means it
+_TICK = 2e-3  # sampling interval of the closed loop, s
+_WITHIN = 20e-9  # position error below which the target counts as reached, m
+_PATIENCE = 2000  # number of loop updates and bursts of steps after which the target counts as missed
+_QUEUE = 20  # largest number of errors in the queue; older ones are dropped
+_MODULE_CHANNELS = 3  # number of channels of one driver module
 _MOVING, _CLOSED, _REFERENCING = 1 << 0, 1 << 1, 1 << 3
 _SENSOR, _CALIBRATED, _REFERENCED, _END_STOP, _FAILED = 1 << 5, 1 << 6, 1 << 7, 1 << 8, 1 << 11
 _AMPLIFIER, _IN_POSITION = 1 << 18, 1 << 19
 _BACKWARD, _AUTO_ZERO, _ABORT_ON_END_STOP = 1 << 0, 1 << 2, 1 << 3
 
-# name -> default, least, greatest
+# Settings of a channel by the name of their command: default, smallest and largest value.
 _SETTINGS = {
     "MMOD": (0, 0, 4),
     "STEP:FREQ": (1000, 1, 20_000),
@@ -59,13 +60,13 @@ _SETTINGS = {
 _ALIASES = {"MCLF": "MCLF:CURR", "PTYPE": "PTYP", "PTYP:CODE": "PTYP", "POS:CURR": "POS"}
 _INVALID_PARAMETER, _INVALID_MODULE, _INVALID_CHANNEL = 19, 33, 34
 _SENSOR_DISABLED, _AMPLIFIER_DISABLED, _END_STOP_REACHED = 260, 262, 512
-_TEMPERATURE = "25"  # deg C, of channels and modules
+_TEMPERATURE = "25"  # temperature that channels and modules report, deg C
 _NUMBER = re.compile(r"([+-]?[0-9]{1,18})(\.[0-9]{0,18})?", re.ASCII)
 _COMMAND = re.compile(r":?([A-Z*][A-Z*:]*?)(\d*)(:[A-Z:]+)?(\?)?(?:\s+(\S.*))?$")
 
 
 class CommandError(Exception):
-    """Error of a command: number and words."""
+    """Error of a command: the number and text that the error queue reports."""
 
     def __init__(self, number: int, words: str) -> None:
         super().__init__(words)
@@ -73,7 +74,14 @@ class CommandError(Exception):
 
 
 class Mcs2Channel:
-    """A channel with a stage."""
+    """One channel of the controller: a simulated stage with a position sensor.
+
+    Args:
+        stage: the stage.
+        clock: clock of the motions.
+        noise: standard deviation of a sensor reading, m.
+        seed: seed of the noise.
+    """
 
     def __init__(self, stage: Stage, clock: Clock, noise: float, seed: int) -> None:
         self.axis, self._noise = Axis(stage, clock), noise
@@ -83,16 +91,24 @@ class Mcs2Channel:
         self.flags, self.target = 0, 0.0
 
     def read(self, at: float | None = None) -> float:
-        """Return the position measured by the sensor, m."""
+        """Return a reading of the sensor, m, at the true position `at` [m]; None is the present one."""
         at = self.axis.state()[2] if at is None else at
         return at - self._zero + self._noise * float(self._random.standard_normal())
 
     def set_position(self, metres: float) -> None:
-        """Set the sensor's reading at the present position."""
+        """Shift the sensor's zero so that the present position reads `metres`."""
         self._zero = self.axis.state()[2] - metres
 
     def move(self, value: int) -> None:
-        """Start a motion in the present move mode."""
+        """Start a motion in the move mode of the settings.
+
+        Args:
+            value: absolute (mode 0) or relative (1) position in pm, absolute (2) or relative (3) voltage as a
+                number of which 65535 means 100 V, or number of steps (4).
+
+        Raises:
+            CommandError: the amplifier or the sensor is switched off, or the voltage is out of range.
+        """
         mode, stage = self.settings["MMOD"], self.axis.stage
         if not self.settings["AMPL"]:
             raise CommandError(_AMPLIFIER_DISABLED, "Amplifier disabled")
@@ -115,12 +131,17 @@ class Mcs2Channel:
             self.axis.begin(steps(stage, value, amplitude, float(self.settings["STEP:FREQ"])))
 
     def reference(self) -> None:
-        """Find the mark in the middle of the travel."""
+        """Start a search for the reference mark, in the middle of the travel; the sensor then counts from
+        it."""
         self.flags = _REFERENCING
         self.axis.begin(self._to_mark(), forever=self.settings["HOLD"] < 0)
 
     def set(self, name: str, value: int) -> None:
-        """Change a setting. A channel whose amplifier is switched off stops."""
+        """Change a setting of the channel; switching its amplifier off stops it.
+
+        Raises:
+            CommandError: the value is outside the range of the setting.
+        """
         _, low, high = _SETTINGS[name]
         if not low <= value <= high:
             raise CommandError(_INVALID_PARAMETER, "Invalid parameter")
@@ -131,19 +152,23 @@ class Mcs2Channel:
 
     @property
     def following_error(self) -> float:
-        """Target minus position while the loop is closed, m."""
+        """Target minus measured position while the loop is closed, m; otherwise 0."""
         return self.target - self.read() if self.status & _CLOSED else 0.0
 
     @property
     def status(self) -> int:
-        """Status bits. A channel that holds its position is not moving."""
+        """Status bits as the device reports them. A channel that holds its position counts as not moving."""
         moving = self.axis.moving and not self.flags & _IN_POSITION
         bits = self.flags | _SENSOR | _CALIBRATED | (_MOVING if moving else 0)
         bits |= _AMPLIFIER if self.settings["AMPL"] else 0
         return bits | (_END_STOP if self.axis.stage.stop_met else 0)
 
     def _to(self, target: float) -> Iterator[Piece]:
-        """Close the loop: steps while the target is far, then the piezo, then the hold."""
+        """Yield the drive of a closed-loop motion to a target [m]: steps while the target is far, then the
+        piezo alone, then the hold for the time of the settings.
+
+        A missed target, or an end stop before it, sets the flag of a failed motion.
+        """
         stage, gain = self.axis.stage, self.axis.stage.actuator.gain
         self.flags |= _CLOSED
         for _ in range(_PATIENCE):
@@ -171,7 +196,11 @@ class Mcs2Channel:
         self.flags &= ~_CLOSED
 
     def _nearer(self, error: float, gain: float) -> Iterator[Piece]:
-        """Return some steps towards the target, within the velocity, ending at half the voltage."""
+        """Yield some steps that reduce the position error [m], no faster than the velocity of the settings.
+
+        Close to the target a ramp to half the full voltage follows, so that the piezo can move both ways.
+        `gain` is the stage's displacement per voltage, m/V.
+        """
         stage, frequency = self.axis.stage, float(min(self.settings["MCLF:CURR"], 100))
         step = 0.5 * gain * FULL  # about the length of a step of 100 V
         velocity = 1e-12 * self.settings["VEL"]
@@ -193,20 +222,20 @@ class Mcs2Channel:
                     self.flags = _FAILED
                     return
                 way, turned = -way, True
-        # The sensor counts from the mark from now on.
+        # The mark is at position 0 of the stage: from now on the sensor counts from the mark.
         self._zero = 0.0
         self.flags = _REFERENCED
         yield from self._to(0.0)
 
 
 class Mcs2:
-    """The controller.
+    """Simulated MCS2 controller.
 
     Args:
-        stages: stage of each channel, from 0.
-        noise: noise of the sensor, m.
+        stages: stage of each channel; the first one is channel 0.
+        noise: standard deviation of a sensor reading, m.
         seed: seed of the noise.
-        clock: the clock.
+        clock: clock of the motions; by default the computer's.
     """
 
     def __init__(
@@ -219,17 +248,17 @@ class Mcs2:
         self._emergency_stop = 0
 
     def session(self) -> LineSession:
-        """Return a session."""
+        """Return a new session, for one connection."""
         return LineSession(self)
 
     def leave(self) -> None:
-        """Stop a hold, which has no end."""
+        """Stop closed-loop holds without a time limit when the connection ends. Other motions continue."""
         for channel in self.channels:
             if channel.axis.forever:
                 channel.axis.stop()
 
     def execute(self, line: str) -> str:
-        """Execute one command; return the answer, or ""."""
+        """Execute one command; return its answer, "" if it has none. Errors are added to the error queue."""
         try:
             found = _COMMAND.match(line.strip().upper())
             if found is None:
@@ -334,7 +363,7 @@ class Mcs2:
 
 
 class LineSession:
-    """A connection of text lines."""
+    """A connection that receives and sends text lines."""
 
     greeting = b""
 
@@ -342,13 +371,17 @@ class LineSession:
         self._twin, self._lines = twin, Lines()
 
     def feed(self, data: bytes) -> bytes:
-        """Return the answers to the complete lines."""
+        """Return the answers to all lines that are complete after these received bytes."""
         made = (self._twin.execute(line) for line in self._lines.feed(data) if line.strip())
         return "".join(f"{answer}\r\n" for answer in made if answer).encode()
 
 
 def _whole(argument: str | None) -> int:
-    """Return the integer nearest to an argument: EPICS writes integers with a fraction."""
+    """Return the integer nearest to the number in an argument, because EPICS sends "3.0000" for 3.
+
+    Raises:
+        CommandError: the argument is None or no number.
+    """
     if argument is None:
         raise CommandError(-109, "Missing parameter")
     found = _NUMBER.fullmatch(argument.strip())

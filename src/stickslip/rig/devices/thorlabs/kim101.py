@@ -14,11 +14,13 @@ from ...protocols import About, RigError
 _HOST, _DEVICE = 0x01, 0x50
 _MOVING = 0b1111 << 4
 _UNASKED = (0x08D6, 0x08E1)  # messages to ignore: end of a motion, and status that another program requested
-_OLDER = 8  # most ignored frames before an answer
+_OLDER = 8  # largest number of frames that are read while an answer is awaited
 
 
 class Kim101Client:
-    """The controller; see `Positioner`. Its axes are its channels, 1 to 4. It counts steps.
+    """Client of a KIM101 controller, with the methods of `Positioner`.
+
+    Its axes are its channels, 1 to 4. It counts steps and has no position sensor.
 
     Args:
         host: address, or serial port such as /dev/ttyUSB0 (needs pyserial).
@@ -57,29 +59,30 @@ class Kim101Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start open-loop steps: `count` steps of this voltage [V] and frequency [Hz], backwards if
-        negative."""
+        """Start `count` open-loop steps of this amplitude [V] and step rate [Hz], both rounded to integers; a
+        negative count is backwards."""
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         mask = 1 << (axis - 1)
         self._send(0x08C0, struct.pack("<HHHII", 0x07, mask, round(voltage), round(frequency), 100_000))
         self._send(0x08C0, struct.pack("<HH", 0x2B, axis))
-        # The command takes a target, so an error in the count would change the distance: read it twice.
+        # The command takes a target count, so a wrongly read present count would change the distance: read
+        # the count twice.
         begin = self._status(axis)[0]
         if self._status(axis)[0] != begin:
             raise RigError(f"{self._line.device}: channel {axis} is moving: wait, or stop it")
         self._send(0x08D4, struct.pack("<Hi", mask, begin + count))
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Raise RigError: this controller cannot scan."""
+        """Raise RigError: this controller cannot hold a constant voltage."""
         raise RigError(f"{self.ranges.name}: axis {axis} cannot be held at {voltage}: it only steps")
 
     def moving(self, axis: int) -> bool:
-        """Return True during a motion."""
+        """Return True while the axis moves."""
         return bool(self._status(axis)[1] & _MOVING)
 
     def position(self, axis: int) -> float:
-        """Return the steps, up minus down, since power-on or since the count was set to 0."""
+        """Return the number of steps, up minus down, since power-on or since the count was set to 0."""
         return float(self._status(axis)[0])
 
     def stop(self) -> None:
@@ -108,7 +111,16 @@ class Kim101Client:
         self._line.send(head + data)
 
     def _ask(self, message: int, data: bytes, answer: int) -> bytes:
-        """Return the data of the answer."""
+        """Send a message and return the data bytes of its answer.
+
+        Args:
+            message: APT message number of the request.
+            data: data bytes of the request.
+            answer: APT message number of the answer.
+
+        Raises:
+            RigError: the device refuses the request, or sends another message.
+        """
         self._send(message, data)
         asked, found = f"0x{message:04X}".encode(), 0
         for _ in range(_OLDER):

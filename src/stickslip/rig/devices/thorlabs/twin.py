@@ -1,4 +1,5 @@
-"""Twin of Thorlabs' KIM101: APT frames on TCP, four channels of inertia motors that count their steps.
+"""Twin (simulated device) of Thorlabs' KIM101: APT frames on TCP, up to four channels of inertia motors that
+count their steps.
 
 Made from the APT messages of the inertia motors (PZMOT) in the drivers of pylablib, InstrumentKit,
 thorlabs-apt-protocol, EPICS and ARTIQ. Accelerations are stored, but steps start at full speed. Limit
@@ -21,23 +22,24 @@ from ...twins.server import HangUp
 from ...twins.stage import Piece, Stage
 
 _HOST, _DEVICE = 0x01, 0x50
-_MASKS = {1: 0, 2: 1, 4: 2, 8: 3}  # bit of a channel -> index
-_JOGGED = {1: 0, 2: 1, 3: 2, 4: 3, 8: 3}  # channel of a jog -> index
+_MASKS = {1: 0, 2: 1, 4: 2, 8: 3}  # channel as one bit (most messages) -> index of the channel
+_JOGGED = {1: 0, 2: 1, 3: 2, 4: 3, 8: 3}  # channel in a jog message, number or bit -> index of the channel
 _MODES: dict[int, set[int]] = {0: set(), 1: {0}, 2: {1}, 3: {2}, 4: {3}, 5: {0, 1}, 6: {2, 3}}
 _FORWARD, _BACKWARD, _STOPPED_FORWARD, _STOPPED_BACKWARD, _ENABLED = 1 << 5, 1 << 4, 1 << 1, 1 << 0, 1 << 31
 _JOGGING_FORWARD, _JOGGING_BACKWARD, _CONNECTED, _POWERED = 1 << 7, 1 << 6, 1 << 8, 1 << 28
-_UPDATE_INTERVAL = 0.1  # s between status messages
-_UNACKNOWLEDGED = 50  # most status messages without an acknowledgement
+_UPDATE_INTERVAL = 0.1  # time between unsolicited status messages, s
+_UNACKNOWLEDGED = 50  # number of status messages without an acknowledgement after which they end
 _UPDATING = (0x0011, 0x0012, 0x08E2)
-_LONGEST = 256  # bytes of data in a frame
+_LONGEST = 256  # largest number of data bytes in a frame
 _DRIVE, _JOG = "<HII", "<HIIII"
-# Bytes of parameters stored without effect, after the channel; the triggers have no channel.
+# Parameters that are stored without effect: number -> bytes of data after the channel. The trigger parameters
+# have no channel, so they are kept apart.
 _KEPT = {0x0B: 6, 0x0F: 12, 0x15: 20, 0x19: 32, 0x30: 6, 0x32: 4, 0x34: 4}
 _TRIGGERS, _TRIGGERS_LENGTHS = 0x17, (12, 24)
 
 
 class Kim101Channel:
-    """A channel: its step count and its settings."""
+    """One channel of the controller: a simulated stage, its step count and its settings."""
 
     def __init__(self, stage: Stage, clock: Clock) -> None:
         self.axis = Axis(stage, clock)
@@ -47,7 +49,14 @@ class Kim101Channel:
         self.jog = [2, 100, 100, 500, 1000]  # mode, steps forward, backward, steps/s, steps/s2
 
     def move(self, target: int | None, direction: int, rate: int, jogging: bool = False) -> None:
-        """Move to a step count, or without an end."""
+        """Start a motion.
+
+        Args:
+            target: step count at which the motion ends; None for a motion without an end.
+            direction: 1 (forward) or -1 of a motion without an end; otherwise the target decides.
+            rate: steps/s.
+            jogging: the motion is a jog, which only changes the status bits.
+        """
         self._jogging = jogging
 
         def pieces() -> Iterator[Piece]:
@@ -59,14 +68,14 @@ class Kim101Channel:
             amplitude, frequency = float(self.drive[0]), float(rate)
             made = steps(self.axis.stage, count, amplitude, way * frequency if count is None else frequency)
             for piece in made:
-                self.steps += way * _counted(piece, amplitude)  # counted when they are put out
+                self.steps += way * _counted(piece, amplitude)  # when they are put out, not when requested
                 yield piece
 
         self.axis.begin(pieces(), forever=target is None)
 
     @property
     def status(self) -> int:
-        """Status bits."""
+        """Status bits of the channel, as the device reports them: motion, direction, end stops."""
         moving, met = self.axis.moving, self.axis.stage.stop_met
         bits = (_FORWARD if self._direction > 0 else _BACKWARD) if moving else 0
         if moving and self._jogging:
@@ -76,17 +85,17 @@ class Kim101Channel:
 
 
 def _counted(piece: Piece, amplitude: float) -> int:
-    """Return the steps in a piece: each reaches the amplitude once."""
+    """Return the number of steps in a piece of drive: each step reaches the amplitude [V] once."""
     return int((piece.volts == amplitude).sum())
 
 
 class Kim101:
-    """The controller.
+    """Simulated KIM101 controller.
 
     Args:
-        stages: up to four stages.
-        serial: serial number.
-        clock: the clock.
+        stages: stage of each channel, up to four.
+        serial: serial number that the controller reports.
+        clock: clock of the motions; by default the computer's.
     """
 
     def __init__(self, stages: list[Stage], serial: int = 97000001, clock: Clock | None = None) -> None:
@@ -98,18 +107,24 @@ class Kim101:
         self._awaited: set[int] = set()
 
     def session(self) -> FrameSession:
-        """Return a session."""
+        """Return a new session, for one connection."""
         return FrameSession(self)
 
     serial_session = session
 
     def leave(self) -> None:
-        """Stop jogs without an end."""
+        """Stop the motions of all channels when the connection ends, so that no endless jog continues."""
         for channel in self.channels:
             channel.axis.stop()
 
     def execute(self, message: int, first: int, second: int, data: bytes) -> bytes:
-        """Return the answers to one message."""
+        """Execute one APT message and return the frames to send: ends of motions, then the answer.
+
+        Args:
+            message: message number.
+            first, second: the two parameter bytes of a message without data.
+            data: data bytes; empty for a message without data.
+        """
         try:
             answer = self._answer(message, first, second, data)
         except (struct.error, LookupError):
@@ -150,7 +165,7 @@ class Kim101:
         raise LookupError(message)
 
     def _enable(self, channels: set[int]) -> None:
-        """Enable exactly these channels; the others stop."""
+        """Enable the channels with these indices, disable all others, and stop the disabled ones."""
         self.enabled = channels
         for index, channel in enumerate(self.channels):
             if index not in channels:
@@ -166,7 +181,7 @@ class Kim101:
         self._awaited.add(index)
 
     def _jog(self, index: int, way: int) -> None:
-        """Jog forward (1), backward (2), or stop (0)."""
+        """Start a jog forward (`way` 1) or backward (2), or stop (0). A disabled channel does nothing."""
         channel = self.channels[index]
         if index not in self.enabled:
             return
@@ -233,7 +248,7 @@ class Kim101:
         return struct.pack("<HH", sub, mask) + (channel.kept[sub] if sub in _KEPT else said[sub]())
 
     def status(self) -> bytes:
-        """Return a status message: steps and bits of all channels."""
+        """Return a status message: step count and status bits of the four channels."""
         made = b""
         for index in range(4):
             status, count = 0, 0
@@ -245,7 +260,7 @@ class Kim101:
         return _frame(0x08E1, made)
 
     def completed(self) -> bytes:
-        """Return MOVE_COMPLETED for the motions that have ended since the last answer."""
+        """Return a MOVE_COMPLETED message for each motion that has ended since the last call."""
         made = b""
         for index in sorted(self._awaited):
             channel = self.channels[index]
@@ -269,7 +284,7 @@ class FrameSession:
         self._updates_left, self._next_update = 0, 0.0
 
     def feed(self, data: bytes) -> bytes:
-        """Return the answers to the complete frames.
+        """Return the answers to all frames that are complete after these received bytes.
 
         Raises:
             HangUp: a frame is too long, so that the start of the next one is unknown.
@@ -289,7 +304,7 @@ class FrameSession:
         return made
 
     def unasked(self) -> bytes:
-        """Return unsolicited messages: ends of motions, and status messages that are due."""
+        """Return the unsolicited messages that are due: ends of motions, and a periodic status message."""
         made, now = self._twin.completed(), self._twin.clock.now()
         if self._updates_left and now >= self._next_update:
             self._updates_left, self._next_update = self._updates_left - 1, now + _UPDATE_INTERVAL
@@ -297,7 +312,8 @@ class FrameSession:
         return made
 
     def _update(self, message: int) -> None:
-        """Switch status messages on (0x0011) or off (0x0012), or acknowledge them (0x08E2)."""
+        """Switch periodic status messages on (message 0x0011) or off (0x0012), or acknowledge them
+        (0x08E2)."""
         if message == 0x0011 or (message == 0x08E2 and self._updates_left):
             self._updates_left = _UNACKNOWLEDGED
         elif message == 0x0012:
@@ -313,7 +329,7 @@ def _short(message: int, first: int, second: int) -> bytes:
 
 
 def _within(value: int, low: int, high: int) -> int:
-    """Return the nearest value in the range, as the device does."""
+    """Clip a setting to its range, as the device does instead of refusing it."""
     return min(max(value, low), high)
 
 
