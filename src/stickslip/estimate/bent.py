@@ -149,7 +149,8 @@ def _in_axes(points: Array, weights: Array, axes: Array) -> Bent:
 
 
 def _along(axes: Array, away: Array) -> Array:
-    """Return the coordinates along axes (rows) of points [n, k]."""
+    """Return the coordinates [n, k], along axes [k, k] (rows), of points given as distances [n, k] from the
+    origin of the axes."""
     return np.asarray(np.linalg.solve(axes.T, away.T).T, dtype=np.float64)
 
 
@@ -164,8 +165,8 @@ def _principal(covariance: Array) -> Array:
 
 
 def _explained(others: Array, z: Array, weights: Array) -> tuple[Array, float]:
-    """Return the coefficients of the second-order polynomial of others [n, i] that fits z [n], and the
-    standard deviation of its residual."""
+    """Return the coefficients of the second-order polynomial of the coordinates `others` [n, i] that fits the
+    coordinate z [n] of points with weights [n] whose sum is 1, and the standard deviation of its residual."""
     effective, i = 1.0 / float(np.sum(weights**2)), others.shape[1]
     size = 1 + i + i * (i + 1) // 2 if effective > FEWEST else 1
     terms = _terms(others, size)

@@ -147,8 +147,15 @@ def spectrum_of_differences(angles: Array, filter: Array, variance: float, walk:
 
 
 def _criterion(pieces: Sequence[Array], filter: Array, variance: float, walk: float = 0.0) -> float:
-    """Return Schwarz's criterion of an autoregression plus a random walk, by Whittle's likelihood of the
-    differences [whittle1953]."""
+    """Return Schwarz's criterion (smaller is better) of an autoregression plus a random walk as a model of
+    residuals, by Whittle's likelihood of their differences [whittle1953].
+
+    Args:
+        pieces: residuals of each recording, [n].
+        filter: filter 1, -a_1, ..., -a_p that whitens the stationary part.
+        variance: variance of the whitened part.
+        walk: variance that the random walk gains from sample to sample.
+    """
     size, total = 0, 0.0
     for r in pieces:
         angles, powers = sine_powers(r)
@@ -159,8 +166,8 @@ def _criterion(pieces: Sequence[Array], filter: Array, variance: float, walk: fl
 
 
 def _walk(pieces: Sequence[Array]) -> float:
-    """Return the ratio of the variance of a random walk's steps to that of white noise, by maximum
-    likelihood; 0 without a random walk."""
+    """Return the ratio of the variance of a random walk's steps to the variance of white noise in residuals
+    (arrays [n]), by maximum likelihood; 0 if they show no random walk."""
     if not all(np.ptp(r) for r in pieces):
         return 0.0
     found = walk_and_white(pieces)
@@ -183,8 +190,9 @@ def _without_walk(r: Array, ratio: float) -> Array:
 
 
 def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:
-    r"""Return :math:`J^T \Sigma J`, shape (k, k), for recordings with independent noise and Jacobians [n,
-    k]."""
+    r"""Return :math:`J^T \Sigma J`, shape (k, k), for the Jacobians [n, k] of several recordings. Each
+    recording has noise of this model, with the covariance :math:`\Sigma`, independent of the other
+    recordings."""
     total = np.zeros((jacobians[0].shape[1],) * 2)
     for j in jacobians:
         lags = noise.autocovariance[: len(j)]

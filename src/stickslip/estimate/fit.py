@@ -52,7 +52,8 @@ def fit_least_squares(
     """Minimise the sum of squared residuals, each divided by its noise, within the bounds of the parameters.
 
     Args:
-        described: a `Problem`; or its recordings, parameters and further arguments (`about`).
+        described: a `Problem`; or the residuals of its recordings.
+        parameters, about: parameters and further arguments of the `Problem`, if `described` is not one.
         begin: initial guess, if it differs from the parameters' own.
         starts: total number of initial guesses; those after the first fill the bounds by a Latin hypercube.
         hops: largest number of basin hops, that is of searches for a lower minimum: from the best of many
@@ -104,8 +105,8 @@ def _search_beyond(searches: SearchResults) -> None:
 
 
 def _held_back(problem: Problem, end: End) -> dict[int, int]:
-    """Return the active ends of the search range: parameter index -> -1 or 1. Limits of the law do not
-    count."""
+    """Return the ends of the search range that stopped a search: parameter index -> -1 (lower) or 1 (upper).
+    Beyond them the residual would fall further. Limits of the law do not count."""
     span = problem.upper - problem.lower
     ends = {-1: end.q - problem.lower < NEAR_END * span, 1: problem.upper - end.q < NEAR_END * span}
     found = {
@@ -202,7 +203,13 @@ def _minimum(end: End, excess: float, searches: SearchResults, assumed: NoiseLev
 
 
 def _log_likelihood(chi_squared: float, noise: np.ndarray, noise_known: bool) -> float:
-    """Return the log-likelihood of Gaussian noise, at its known level or else at the most likely one."""
+    """Return the log-likelihood of Gaussian noise, at its known level or else at the most likely one.
+
+    Args:
+        chi_squared: sum of the squared residuals, each divided by its noise.
+        noise: standard deviation of each datum, shape (n,); only its ratios count if it is not known.
+        noise_known: True if the level of the noise is known.
+    """
     n, constant = noise.size, float(np.sum(np.log(noise)))
     if noise_known:
         return -0.5 * (chi_squared + n * math.log(2 * math.pi)) - constant

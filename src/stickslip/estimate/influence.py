@@ -106,6 +106,7 @@ def prior_influence(alone: Fit, together: Fit) -> tuple[PriorInfluence, ...]:
 
 
 def _deviation(p: Parameter, ends: tuple[float, float]) -> float:
-    """Return the standard deviation of a coordinate from its 95 % interval; infinite if the interval is."""
+    """Return the standard deviation of a parameter's coordinate from the ends of its 95 % interval (SI);
+    infinite if the interval is infinite."""
     width = p.coordinate(ends[1]) - p.coordinate(ends[0])
     return width / (2.0 * DISAGREES) if math.isfinite(width) and width > 0.0 else math.inf

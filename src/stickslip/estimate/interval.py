@@ -10,8 +10,8 @@ from .parameter import Parameter
 
 
 def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
-    """Return the interval of parameter p (number i) about a minimum: t standard errors on either side of the
-    estimate `value`.
+    """Return lower and upper end of the interval of parameter p (number i) about a minimum, in its unit: t
+    standard errors of the coordinate, from `uncertain`, on either side of the estimate `value`.
 
     The parameter's limits cut the interval; the ends of the search range do not. If the estimate is closer to
     zero than the shift of its logarithm, the interval is symmetric, because the logarithm is then not

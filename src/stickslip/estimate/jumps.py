@@ -125,6 +125,13 @@ def _confirmed(
     spectrum.
 
     The noise is estimated again without an event, because a small jump resembles a random walk.
+
+    Args:
+        r: residuals, [n].
+        columns: derivatives by the parameters and time courses of other faults, [n, k].
+        found: events that may be noise.
+        noise: first estimate of the spectrum of the noise's differences, [n - 1].
+        floor: smallest standard deviation of white noise.
     """
     while True:
         noise, likely = _spectrum(_Whitened(r, columns, found, noise).left(), floor)
@@ -144,8 +151,9 @@ def _confirmed(
 
 
 def _spectrum(left: Array, floor: float) -> tuple[Array, float]:
-    """Return the spectrum of the noise in residuals, and minus twice its log-likelihood plus the penalty for
-    its parameters [schwarz1978]."""
+    """Return the spectrum [n - 1] of the differences of the residuals `left` [n], which are noise, and minus
+    twice its log-likelihood plus the penalty for its parameters [schwarz1978]. `floor` is the smallest
+    standard deviation of white noise."""
     angles, powers = sine_powers(left)
     filter, variance, walk = filter_and_walk([left])
     white = (2.0 - 2.0 * np.cos(angles)) * floor**2

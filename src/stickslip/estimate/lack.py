@@ -164,7 +164,7 @@ def lacks_of(
 
 
 def _straightened(r: Array, at_rest: int) -> Array:
-    """Return the residuals minus the straight line through the samples at rest."""
+    """Return the residuals [n] minus the straight line through the first `at_rest` samples."""
     at = np.arange(r.size, dtype=float)
     return np.asarray(r - np.polyval(np.polyfit(at[:at_rest], r[:at_rest], 1), at), dtype=float)
 
@@ -184,7 +184,8 @@ def independent(rows: Array) -> float:
 
 
 def independent_samples(r: Array, memory: int = 1) -> float:
-    """Return the number of independent samples with the same information as one autocorrelated series [n]."""
+    """Return the number of independent samples with the same information on a variance as one autocorrelated
+    series [n]. `memory` is its expected correlation length in samples."""
     size = min(r.size, max(8 * memory, r.size // 8, 16))
     count = r.size // size
     return r.size / size * independent(r[: count * size].reshape(count, size))
@@ -362,7 +363,8 @@ def _folded(r: Array, known: KnownNoise) -> Array | None:
 
 
 def _spectrum(rows: Array, freedom: int) -> Array:
-    """Return the power of each row at each line except the first and the last, smoothed."""
+    """Return the power spectrum of rows [rows, n], summed over the rows, divided by `freedom` and smoothed,
+    at each line except the first and the last."""
     lines = (rows.shape[1] - 1) // 2
     power = np.sum(np.abs(np.fft.rfft(rows)[:, 1 : lines + 1]) ** 2, axis=0) / freedom
     return scipy.ndimage.uniform_filter1d(power, min(SMOOTHED, lines), mode="nearest")

@@ -36,7 +36,8 @@ class Minimum(NamedTuple):
 
 
 def bound(n_parameters: int, level: float = LEVEL) -> float:
-    """Return the excess of chi-squared above which a minimum is rejected, for this number of parameters."""
+    """Return the excess of chi-squared above which a minimum is rejected, for this number of parameters and
+    this confidence level."""
     return chi_squared(level, n_parameters)
 
 

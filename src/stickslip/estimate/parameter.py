@@ -190,5 +190,5 @@ class Parameter(NamedTuple):
         return 1.0 / (self.power * at) if self.power else 1.0
 
     def shown(self, value: float, digits: int = 6) -> str:
-        """Return the value with its unit as text."""
+        """Return a value with the parameter's unit as text, with this number of significant digits."""
         return f"{value:.{digits}g} {self.unit}".strip()

@@ -201,7 +201,13 @@ class Fit:
         }
 
     def _near(self, values: Values, known: Uncertainty, t: float) -> dict[str, tuple[float, float]]:
-        """Return the intervals about one minimum, t standard errors wide on either side."""
+        """Return lower and upper end of the interval of each parameter about one minimum, by name.
+
+        Args:
+            values: values at the minimum, in SI.
+            known: uncertainty of the coordinates there.
+            t: half width in standard errors.
+        """
         ties = Ties([p for p in (*self.parameters, *self.beside) if p.name in values])
         spread = ties.extended(values, known)
         return {p.name: interval(p, i, values[p.name], spread, t) for i, p in enumerate(ties.shown(values))}

@@ -206,7 +206,11 @@ class SearchResults:
 
 
 def scattered(problem: Problem, n: int, seed: int) -> Array:
-    """Return n points that fill the bounds by a Latin hypercube, shape (n, k)."""
+    """Return the coordinates of n points that fill the bounds by a Latin hypercube, shape (n, k).
+
+    Raises:
+        FitError: a bound is infinite.
+    """
     if n < 1:
         return np.empty((0, problem.start.size))
     if not np.all(np.isfinite(problem.upper - problem.lower)):
@@ -229,7 +233,8 @@ def _screened(problem: Problem) -> list[Array]:
 
 
 def _beside(problem: Problem, q: Array) -> list[Array]:
-    """Return the initial guesses of hops from q: inside the bounds, where the model works."""
+    """Return the coordinates of hops from the minimum q [k], one parameter changed in each: those inside the
+    bounds at which the model can be computed."""
     found = []
     for i, p in enumerate(problem.parameters):
         for factor in HOPS:

@@ -131,7 +131,8 @@ def _solve(recording: SeparableRecording, design: Design, before: _Solved | None
 def _with_coefficients(
     fit: Fit, ties: Ties, recordings: Sequence[SeparableRecording], solutions: list[_Solved]
 ) -> Fit:
-    """Return the fit with the coefficients and all covariances."""
+    """Return the fit of the searched parameters with the coefficients of all recordings added, and the
+    covariance of both."""
     added = [
         Parameter(name, float(x), -math.inf, math.inf, unit, log=False)
         for recording, s in zip(recordings, solutions, strict=True)
@@ -161,7 +162,15 @@ def _white(
     fit: Fit, recordings: Sequence[SeparableRecording], solutions: list[_Solved], tangents: list[np.ndarray]
 ) -> np.ndarray:
     """Return the covariance of searched parameters and coefficients for white noise, block by block, without
-    a matrix of all data by all coefficients."""
+    a matrix of all data by all coefficients.
+
+    Args:
+        fit: fit of the searched parameters.
+        recordings: data of each recording.
+        solutions: coefficients of each recording at the fit.
+        tangents: derivatives [n, k] of each recording's weighted residuals by the searched coordinates, with
+            the coefficients fixed.
+    """
     k = len(fit.parameters)
     searched = np.where(np.isfinite(fit.uncertainty.covariance), fit.uncertainty.covariance, 0.0)
     inverses = [np.linalg.inv(s.r) for s in solutions]
@@ -188,7 +197,7 @@ def _correlated(
     fit: Fit, recordings: Sequence[SeparableRecording], solutions: list[_Solved], tangents: list[np.ndarray]
 ) -> np.ndarray:
     """Return the covariance of searched parameters and coefficients from the full Jacobian, for residuals
-    correlated within each recording."""
+    correlated within each recording. Arguments as for `_white`."""
     linear = np.asarray(scipy.linalg.block_diag(*[s.weights[:, None] * s.design.matrix for s in solutions]))
     full = np.concatenate([np.concatenate(tangents), linear], axis=1)
     residuals = [

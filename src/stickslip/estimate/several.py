@@ -61,7 +61,8 @@ def from_several(
 
 
 def followed(fit: Fit, on: Callable[[], Fit], enough: bool = False) -> Fit:
-    """Return a short search continued to its end by `on`, unless it has converged or is `enough`."""
+    """Return the end of a search. The fit itself is the end if it has converged, or if it is `enough` as a
+    short search; otherwise the function `on` continues it."""
     if fit.converged or enough:
         return fit
     end = on()

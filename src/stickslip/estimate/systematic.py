@@ -58,7 +58,8 @@ def systematic_errors(fit: Fit) -> dict[str, float]:
 def intervals_with_systematics(
     fit: Fit, level: float = 0.95, intervals: Mapping[str, Interval] | None = None
 ) -> dict[str, Interval]:
-    """Return the intervals for statistical and systematic errors together; empty without systematic ones.
+    """Return the intervals at this confidence level for statistical and systematic errors together, by name,
+    in the parameters' units; empty without systematic errors.
 
     The statistical `intervals` are those of the fit, unless others are given.
     """

@@ -86,7 +86,8 @@ def sample_tempered(
 
 
 def _of_all(log_likelihood: LogLikelihood, z: Array, least: Array) -> Array:
-    """Return log likelihoods of points [runs, n, k]; -inf for those below `least` [runs, n]."""
+    """Return the log likelihoods [runs, n] of points z [runs, n, k]; -inf for a point whose log likelihood is
+    below `least` [runs, n], or that lies too far outside the prior."""
     flat, bounds = z.reshape(-1, z.shape[-1]), least.ravel()
     tried = (np.max(np.abs(flat), axis=1) < FARTHEST) & (bounds <= 0.0)
     found = np.full(len(flat), -np.inf)
@@ -101,7 +102,8 @@ def _weights(log_weights: Array) -> Array:
 
 
 def _next(beta: float, found: Array) -> float:
-    """Return the next exponent β of one run, at which a fraction `KEPT` of its points is effective."""
+    """Return the next exponent β of one run, at most 1, at which a fraction `KEPT` of its points is
+    effective. `beta` is the present exponent, `found` the log likelihoods of the points [n]."""
     possible = found[np.isfinite(found)]
 
     def effective(to: float) -> float:
@@ -118,8 +120,8 @@ def _next(beta: float, found: Array) -> float:
 
 
 def _systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.int64]:
-    """Return indices [count] of points by systematic resampling: each index is repeated as its weight
-    requires."""
+    """Return indices [count] of points by systematic resampling: each index occurs in proportion to its
+    weight [n], up to rounding."""
     wanted = (np.arange(count) + random.random()) / count
     return np.minimum(np.searchsorted(np.cumsum(weights), wanted), weights.size - 1)
 

@@ -87,7 +87,13 @@ def _check(node: ast.expr) -> None:
 
 
 def _value(node: Any, names: Mapping[str, Any], quantity: Callable[[str], Any]) -> Any:
-    """Return the value of a checked expression."""
+    """Return the value of a checked expression.
+
+    Args:
+        node: parsed expression.
+        names: value of each parameter in it, by name.
+        quantity: function that returns the value of a quantity with a unit, such as '0.1 ms', from its text.
+    """
     match node:
         case ast.BinOp(left, op, right):
             return _OPERATORS[type(op)](_value(left, names, quantity), _value(right, names, quantity))
@@ -239,8 +245,16 @@ class Ties:
 
 
 def _ordered(tied: Mapping[str, str], known: Sequence[str]) -> list[tuple[str, ast.expr]]:
-    """Return the tied parameters with their expressions, in an order in which each follows those that it
-    needs."""
+    """Return the names of tied parameters with their parsed expressions, in an order in which each parameter
+    follows those in its expression.
+
+    Args:
+        tied: expression of each tied parameter, by name.
+        known: names of all parameters.
+
+    Raises:
+        QuantityError: an expression cannot be read, has an unknown name, or depends on itself.
+    """
     needs = {}
     for name, expression in tied.items():
         needs[name] = names_in(expression, name)

@@ -170,8 +170,9 @@ def _stiffness(law: Any) -> float:
 
 
 def _elastic_range(law: Any, z_c: float) -> float:
-    """Return the largest displacement [m], in steps of z_c/50, whose closed loop dissipates less than 0.1 %
-    of its work."""
+    """Return the largest displacement from rest [m], in steps of z_c/50 up to 2 z_c, whose closed loop
+    dissipates less than 0.1 % of its work. z_c [m] is the sliding force over the stiffness; 0 for a rigid
+    contact."""
     widest = 0.0
     if z_c == 0.0:
         return widest
@@ -187,7 +188,8 @@ def _elastic_range(law: Any, z_c: float) -> float:
 
 
 def _presliding_range(law: Any, z_c: float) -> float:
-    """Return the displacement [m] at which the force first reaches 99 % of the force after 30 z_c."""
+    """Return the displacement [m] at which the force first reaches 99 % of the force after 30 z_c, where z_c
+    [m] is the sliding force over the stiffness; 0 for a rigid contact."""
     if z_c == 0.0:
         return 0.0
     way = np.linspace(0.0, 30.0 * z_c, 3001)
@@ -196,7 +198,8 @@ def _presliding_range(law: Any, z_c: float) -> float:
 
 
 def _breakaway(law: Any, sliding: float) -> float:
-    """Return the largest friction force [N] while a slowly pulled spring sets a mass in motion."""
+    """Return the largest friction force [N] while a slowly pulled spring sets a mass in motion. `sliding` [N]
+    is the sliding force of the law, which gives the duration of the experiment."""
     model = PulledSlider(mass=0.1, spring_stiffness=_PULL_SPRING, damping=0.0, friction=law)
     until = 2.0 * sliding / (_PULL_SPRING * _PULL_SPEED)
     # Not checked for convergence: the motion after the first slip is not used, and no tolerance resolves its

@@ -115,8 +115,8 @@ WALK_UNITS = {
 
 
 def _line(t: Array, x: Array, first: float, last: float, at: float) -> float:
-    """Return the value at time `at` of the straight line through the samples between `first` and `last`; NaN
-    for too few samples."""
+    """Return the value at time `at` [s] of the straight line through the samples x [n] between the times
+    `first` and `last` [s]; NaN for too few samples. t are the times of all samples, s."""
     i, j = np.searchsorted(t, (first, last))
     if j - i < 3 or first < t[0]:
         return math.nan
@@ -157,7 +157,8 @@ def _steps(t: Array, x: Array, slips: SlipEvents) -> dict[str, Any]:
 
 
 def _walk(t: Array, x: Array, slips: SlipEvents, steps: dict[str, Array], number: int) -> dict[str, float]:
-    """Return the features of walk `number`, by name."""
+    """Return the features of walk `number`, by the names in `WALK_UNITS`, from times t [s], positions x [m],
+    the slips, and the steps of `_steps`."""
     own = slips.walk == number
     time, peak, p = slips.time[own], steps["peak"][own], slips.period
     along = -float(slips.sign[own][0])

@@ -87,8 +87,9 @@ def vibration_of(t: Array, x: Array, slips: SlipEvents) -> dict[str, float]:
 def _window(
     t: Array, x: Array, slips: SlipEvents, begin: float, end: float, interval: float
 ) -> VibrationWindow | None:
-    """Return the mean motion between the shares `begin` and `end` of a period after slips; None if fewer than
-    two slips have an undisturbed motion there."""
+    """Return the mean motion between the shares `begin` and `end` of a period after slips, from positions x
+    [n] at times t [s] with this sampling interval [s]. The result is None if the motion of fewer than two
+    slips lasts until `end` without another slip."""
     count = int((end - begin) * slips.period / interval)
     if count < 8:
         return None
@@ -120,8 +121,9 @@ def _starts(window: VibrationWindow, interval: float) -> list[Array]:
 
 
 def _ring(window: VibrationWindow, interval: float) -> tuple[float, float, float] | None:
-    """Return amplitude, frequency and decay of the vibration in a part of the period; None if it does not
-    show one."""
+    """Return amplitude [m], frequency [Hz] and decay rate [1/s] of the vibration in a part of the period;
+    None if it does not show one. The decay is NaN if it is uncertain. `interval` is the sampling interval
+    [s]."""
     n, span, power = window.time.size, window.time[-1], float(window.mean @ window.mean)
     unexplained = [(float(np.sum(window.left(q) ** 2)), q) for q in _starts(window, interval)]
     starts = [q for _, q in sorted(unexplained, key=lambda one: one[0])]

@@ -150,7 +150,8 @@ def _at(model: ModalModel | AmplitudeModel, volts: float) -> ModalModel:
 
 
 def law(ratio: float | Array, p: float) -> Array:
-    """Return the nonlinearity xi at an amplitude relative to the reference, for the exponent p."""
+    """Return the function xi of the amplitude, by which all parameters change (see the module). `ratio` is
+    the amplitude divided by the reference amplitude, p the exponent."""
     logarithm = np.log(ratio)
     return logarithm * _mean_power(p * logarithm)
 
@@ -161,7 +162,7 @@ def _mean_power(z: Array) -> Array:
 
 
 def law_by_exponent(ratio: Array, p: float) -> Array:
-    """Return the derivative of xi by the exponent p."""
+    """Return the derivative of `law` by the exponent p, at the same amplitude ratios."""
     logarithm = np.log(ratio)
     z = p * logarithm
     series = logarithm**2 * (0.5 + z / 3 + z**2 / 8)

@@ -58,6 +58,14 @@ def _held_mode(
 
     The delay need not be a multiple of the sampling interval: a held drive is known at every instant within
     it.
+
+    Args:
+        drive: V, shape (..., samples).
+        omega: natural frequency, rad/s.
+        zeta: damping ratio.
+        delay: s.
+        sample: sampling interval, s.
+        periodic: the drive is one period of a steady state; otherwise it starts at rest.
     """
     A = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * zeta * omega, omega**2], [0.0, 0.0, 0.0]])
     step, within = scipy.linalg.expm(A * sample), scipy.linalg.expm(A * (sample - delay % sample))
@@ -78,8 +86,9 @@ def _held_mode(
 
 
 def _held_delay(drive: np.ndarray, delay: float, sample: float, periodic: bool) -> np.ndarray:
-    """Return the drive delayed by `delay` [s]: for each sample, the value held at that earlier instant; shape
-    (..., samples)."""
+    """Return the drive (..., samples) delayed by `delay` [s]: for each sample, the value held at that earlier
+    instant. `sample` is the sampling interval [s]. A `periodic` drive wraps round; otherwise it is 0
+    before."""
     n = math.floor(delay / sample) + 1
     late = np.roll(drive, n, axis=-1)
     if not periodic:

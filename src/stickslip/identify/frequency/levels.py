@@ -103,7 +103,8 @@ def identify_levels(
 
 
 def _exponent(given: float | None, n_levels: int) -> tuple[Parameter, tuple[str, ...]]:
-    """Return the exponent as a parameter, and a sentence if its value is assumed."""
+    """Return the exponent of the amplitude law as a parameter of the fit, and a sentence if its value is
+    assumed. It is fixed if it is `given`, or if there are only two levels."""
     remarks: tuple[str, ...] = ()
     if given is None and n_levels == 2:
         given = TWO_LEVELS_EXPONENT
@@ -159,6 +160,12 @@ def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: ModalForm) -> A
     middle one.
 
     Modes of two levels are not paired one by one, because weak modes differ between levels.
+
+    Args:
+        levels: responses at ascending amplitudes.
+        poles: natural frequency [rad/s] and damping ratio of each mode at the middle level, then the delay
+            [s].
+        kind: coefficients of the modal model.
     """
     middle = len(levels) // 2
     shifts = np.zeros(len(levels))

@@ -100,6 +100,7 @@ def steady_response(model: ModalModel, drive: np.ndarray, sample_rate: float) ->
     rate.
 
     Args:
+        model: modes, gains and delay.
         drive: one period, V, shape (samples, inputs, ...).
         sample_rate: Hz.
     """
@@ -171,8 +172,8 @@ def identify_frequency(
 
 
 def _with_deviation(response: xr.Dataset, noise_known: bool) -> tuple[xr.Dataset, tuple[str, ...]]:
-    """Return the response with a `deviation` (1 at all frequencies if it has none), and a sentence if they
-    were missing."""
+    """Return the response with a `deviation`, and a sentence if it had none; it is then equal at all
+    frequencies, so that all have equal weights."""
     if "deviation" in response:
         return response, ()
     if noise_known:

@@ -327,7 +327,8 @@ def _coordinate(recordings: Sequence[xr.Dataset]) -> Coordinate:
 def _reach(
     recordings: Sequence[xr.Dataset], measured: Sequence[NDArray[np.float64]], origin: float
 ) -> dict[str, float]:
-    """Return the largest plausible size of each value in `CHANNEL`, except the exponent, by name."""
+    """Return the largest plausible size of each value in `CHANNEL`, except the exponent, by name, from the
+    measured forces [N] and the duration since the time `origin` [s]."""
     largest = max(float(np.max(np.abs(force))) for force in measured)
     span = max(float(r["time"].values[-1]) for r in recordings) - origin
     return {

@@ -251,7 +251,8 @@ class _Averages:
         return sign
 
     def design(self, position: Array, *, passes: bool = False) -> Array:
-        """Return the averages of acceleration, velocity, its sign (see `_sign`) and 1, shape (windows, 4)."""
+        """Return the averages of acceleration, velocity, sign of the velocity and 1, shape (windows, 4): the
+        columns for mass, viscous friction, Coulomb friction and offset. `passes`: see `_sign`."""
         x, sign = self._windows(position), self._sign(position, passes=passes)
         return np.column_stack([x @ self.bend, -x @ self.slope, self.of(sign), np.ones(self.begins.size)])
 

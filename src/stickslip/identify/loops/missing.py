@@ -57,6 +57,12 @@ def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tu
 
     A changing speed looks like a drift to a law without viscous friction. So the term that explains most is
     reported, and others only if they explain something in addition.
+
+    Args:
+        fit: fit of the loops.
+        model: friction law of the fit.
+        viscous: viscous friction as a term.
+        others: other terms that are not free.
     """
     asked = [one for one in others if gain(fit, one.by) > ASKED]
     # A free viscous coefficient sigma_2 also changes the initial state of the prediction, which would look
@@ -86,7 +92,7 @@ def left_over(fit: Fit, measured: Sequence[Array], inexact: Sequence[float]) -> 
 
 
 def _explained(fit: Fit, one: Slope) -> float:
-    """Return the share of the sum of squares that a term would explain, linearised."""
+    """Return the share of the residual sum of squares that a further free term would explain, linearised."""
     left = sum(float(r @ r) for r in _with(fit, one).residuals)
     whole = sum(float(r @ r) for r in fit.residuals)
     return 1.0 - left / whole if whole > 0.0 else 0.0

@@ -117,8 +117,8 @@ def response_of(
 
 
 def _within(law: Any, error: float, tolerance: float) -> float:
-    """Return the tolerance of deflections [m], reduced if such a deflection changes the force by more than
-    `error` [N]."""
+    """Return the tolerance [m] of the deflections of a law's elements, reduced if a deflection of that size
+    changes an element's force by more than `error` [N]."""
     stiffest = 0.0
     for one in (element(law, e) for e in range(elements(law))):
         stiffest = max(stiffest, (rate(one, 0.0, tolerance)[0] - rate(one, 0.0, 0.0)[0]) / tolerance)

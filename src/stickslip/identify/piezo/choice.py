@@ -71,6 +71,13 @@ def chosen(
     """Return the smallest set of columns that predicts about as well as the best one, among the options left
     open.
 
+    Args:
+        observed: the recordings.
+        shapes: forms of the model to compare.
+        operators: number of plays; None: chosen.
+        creep: include creep; None: chosen.
+        time_constants: of the creep, s; by default from 0.1 s to the length of the recordings or beyond.
+
     Raises:
         QuantityError: a number of plays that cannot be fitted; or creep is requested for too short
             recordings.

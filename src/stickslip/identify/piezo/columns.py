@@ -91,7 +91,7 @@ class PlayGrid(NamedTuple):
         cls, low: float, high: float, plays: int, bent: bool, lasts: float, skew: float = 0.0
     ) -> PlayGrid:
         """Return the grid for drives from `low` to `high` [V] and recordings of `lasts` s; with `lasts` 0 it
-        has no creep.
+        has no creep. `plays` is the number of plays, `bent` includes the square, `skew` is in 1/V.
 
         A play wider than half the range never moves back, so its weight cannot be determined.
         """
@@ -138,6 +138,12 @@ class Columns(NamedTuple):
 
 def observe(recording: xr.Dataset, name: str, channel_name: str, rest: float | None) -> Observed:
     """Return the channels of a recording after checks.
+
+    Args:
+        recording: with drive_voltage [V] and the position.
+        name: name of the recording.
+        channel_name: name of the position channel.
+        rest: voltage before the recording, V; by default the first voltage.
 
     Raises:
         RecordingError: a channel is missing, not finite or constant.
@@ -197,8 +203,8 @@ def at_piezo(observed: Observed, timing: DelayAndLag) -> Array:
 
 
 def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
-    """Return first-order lags, shape (n, k), of a signal that is linear between samples and equal to `rest`
-    before."""
+    """Return first-order lags with the time constants tau [k], in s, of a signal (values [n] at times [n],
+    s), shape (n, k). The signal is linear between samples and equal to `rest` before."""
     found = np.empty((time.size, tau.size))
     relaxed(Lags(tau), time, np.ascontiguousarray(values), np.full(tau.size, rest), found)
     return found

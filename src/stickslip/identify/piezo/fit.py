@@ -183,8 +183,8 @@ def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> b
 
 
 def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, tuple[str, ...]]:
-    """Return the fit, and sentences on its delay and lag. Both are fitted with all values if only noise is
-    left; otherwise model errors would bias them, and they come from edges."""
+    """Return the fit of the chosen columns, and sentences on its delay and lag. Delay and lag are fitted with
+    all values if only noise is left; otherwise model errors would bias them, and they come from edges."""
     grid, late = choice.grid, choice.late
     if late.edges.number:
         whole = fit_least_squares(_problem(seen, grid, late.timing, unit, timed=True))
@@ -227,8 +227,8 @@ def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
 
 
 def _begun(seen: Sequence[Observed], timing: DelayAndLag, assumed: float | None) -> list[Observed]:
-    """Return the recordings with their drive before the first sample, as a model without creep shows it.
-    After a rest at an unexpected voltage, that is `assumed` [V], if given."""
+    """Return the recordings with their drive before the first sample, as a model without creep shows it. If
+    it shows a rest at another voltage than expected, the rest is at `assumed` [V], if given."""
     grid, _, solution = first_model(seen, timing)
     try:
         first = prediction_of(named(solution, grid), grid, timing, seen, "")

@@ -65,7 +65,14 @@ class _Normal(NamedTuple):
 def solve(
     parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid, kept: Sequence[NDArray[np.bool_]]
 ) -> Solution:
-    """Return the least-squares solution over the samples that are `kept` (a mask for each recording)."""
+    """Return the least-squares solution over the samples that are kept.
+
+    Args:
+        parts: columns of each recording.
+        positions: measured positions [m] of each recording.
+        grid: grid of the columns.
+        kept: mask of the used samples of each recording, [n].
+    """
     creeping, found = bool(grid.times.size), None
     levels = np.array([y.mean() for y in positions])
     for _ in range(PASSES if creeping else 1):

@@ -164,7 +164,13 @@ def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution,
 
 
 def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> DelayAndLag:
-    """Return the linearised standard errors of delay and lag; NaN if they cannot be determined."""
+    """Return the linearised standard errors of delay and lag; NaN if they cannot be determined.
+
+    Args:
+        misfit: function from delay and lag [s] to residuals [m].
+        best: delay and lag with the smallest residuals, s.
+        step: sampling interval, s.
+    """
     h, r = 0.05 * step, misfit(best)
     ends = [(np.maximum(best - d, 0.0), best + d) for d in h * np.eye(2)]  # neither can be negative
     slopes = np.column_stack([(misfit(b) - misfit(a)) / float(np.sum(b - a)) for a, b in ends])

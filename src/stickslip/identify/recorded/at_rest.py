@@ -41,7 +41,7 @@ class AtRest(NamedTuple):
 
 
 def noise_at_rest(recording: xr.Dataset, channel: str) -> AtRest:
-    """Return the noise of a channel from a recording at rest.
+    """Return the noise of the named channel from a recording at rest.
 
     Raises:
         QuantityError: the channel is missing, has too few samples, or shows no noise.

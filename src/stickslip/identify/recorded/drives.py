@@ -78,7 +78,8 @@ class SeenDrive(NamedTuple):
 
 
 def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
-    """Return the start [s] of a drive in a recording, by its channel drive_voltage.
+    """Return the time [s] at which a drive starts in a recording, from its channel drive_voltage; `where`
+    names the recording in errors.
 
     The start minimises the difference between both: the sum of squares for whole samples, then the mean
     difference for fractions of a sample.
@@ -152,7 +153,8 @@ def warn_of_other_drive(recording: xr.Dataset, drive: Waveform | None, where: st
 def greatest_difference(
     time: NDArray[np.float64], u: NDArray[np.float64], wanted: NDArray[np.float64], drive: Waveform
 ) -> tuple[float, float]:
-    """Return the largest mean difference [V] between channel and drive over a period, and its centre [s].
+    """Return the largest mean difference [V] between a channel u [n] and the values `wanted` [n] of its drive
+    over a period, at times [n], s, and the centre of that period [s].
 
     For a drive without periods, the mean is over a tenth of the recording.
     """
@@ -167,8 +169,8 @@ def greatest_difference(
 
 
 def periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:
-    """Return the start [s] of the first periodic part of a drive, and the part; None for an aperiodic drive.
-    drive may be a sequence of parts."""
+    """Return the start [s] of the first periodic part of a drive that starts at `begin` [s], and the part;
+    None instead of the part for an aperiodic drive. The drive may be a sequence of parts."""
     if isinstance(drive, Slewed):
         return periodic_part(drive.source, begin)
     if not isinstance(drive, Sequence):

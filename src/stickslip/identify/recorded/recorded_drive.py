@@ -210,8 +210,8 @@ def _rounding(u: Array) -> float:
 
 
 def _bends(u: Array, first: int, last: int, rounding: float) -> list[list[int]]:
-    """Return groups of neighbouring samples between `first` and `last` at which the slope changes more than
-    usual."""
+    """Return groups of neighbouring samples, as indices between `first` and `last`, at which the slope of the
+    voltage u [n] changes more than usual. `rounding` is the converter step [V], or 0."""
     if last - first < 2:
         return []
     change = np.abs(np.diff(u[first : last + 1], 2))

@@ -76,6 +76,11 @@ def plain(test: StepTest, look: Look) -> Array:
 def first_look(test: StepTest, response: Response = plain) -> Look:
     """Return the second-order response that is closest to a recorded one.
 
+    Args:
+        test: recorded step.
+        response: function for the response [n] to the step with a gain of 1, from the step and a `Look`; it
+            may contain a known piezo, amplifier and filter.
+
     Raises:
         RecordingError: the recording has no rest before the step, does not rise out of its noise, or ends
             during the rise.
@@ -164,7 +169,8 @@ def _rings(test: StepTest, half: float, rise: float, angular: float) -> list[flo
 
 
 def _thinned(test: StepTest, most: int) -> StepTest:
-    """Return the step with every n-th sample from the step on, `most` samples at most."""
+    """Return the recording without samples before its step, thinned to about `most` samples by taking every
+    n-th one."""
     every = np.flatnonzero(test.time >= 0.0)
     every = every[:: max(every.size // most, 1)]
     return test._replace(time=test.time[every], position=test.position[every])

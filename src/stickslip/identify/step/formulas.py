@@ -143,8 +143,9 @@ def second_order(overshoot: float, peak_time: float) -> tuple[float, float]:
 
 
 def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
-    """Return the start of the rise [s]. The rise starts as a parabola, so the times to 5 and 20 % are in the
-    ratio 1 to 2."""
+    """Return the start of the rise of positions x [m] at times t after the step [s], s. The rise starts as a
+    parabola, so the times from its start to 5 and 20 % are in the ratio 1 to 2. `where` names the
+    recording."""
     before = x[t <= 0.0]
     settled = t - timing.rise_at - timing.steady_after
     level = x[(settled >= 0.0) & (settled <= timing.steady_over)]

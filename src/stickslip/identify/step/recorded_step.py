@@ -44,6 +44,12 @@ def step_tests(
     """Return the step of each recording; height and instant come from drive_voltage [V], unless they are
     given.
 
+    Args:
+        recordings: one or several recordings of one step each.
+        voltages: height of each step, V.
+        start: instant of all steps in the time of the recordings, s.
+        observed: name of the position channel.
+
     Raises:
         RecordingError: a channel is missing, too short, constant or clipped, or its drive is not a single
             step.
@@ -76,7 +82,8 @@ def step_tests(
 
 
 def _step_of(u: Array, time: Array, where: str) -> tuple[float, float]:
-    """Return instant [s] and height [V] of the only step of a drive.
+    """Return instant [s] and height [V] of the only step of a drive u [V] at times [s]; `where` names the
+    recording in errors.
 
     A jump within one interval is at the next sample, because a converter holds its value. A rise over several
     samples, as by an amplifier with a slew rate, starts where the line through them leaves the first level.
