@@ -1,7 +1,7 @@
 """Calls of the compiled engine with NumPy arrays.
 
-Arrays are passed without a copy: each must be a C-contiguous array of doubles, or a TypeError names it. The
-engine runs without Python's global lock, so that threads run in parallel.
+Arrays are passed without a copy: each must be a C-contiguous array of doubles, otherwise a TypeError names
+it. The engine runs without Python's global interpreter lock (GIL), so that threads run in parallel.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from .library import library
 
 Array = NDArray[np.float64]
 _NULL = ffi.NULL
-# Numbers of the account of work at each sample, per unit of mass: the integrals of b u dq/dt and c (dq/dt)^2
-# over the modes, of f s over the elements (force and sliding speed), and of f dq/dt of the last mode.
+# Number of columns of the account of work, integrals over time up to each sample. Per unit of mass: b u dq/dt
+# and c (dq/dt)^2, summed over the modes (drive b, damping c). Then f s, summed over the elements (force f,
+# sliding speed s), and f dq/dt of the last mode.
 TERMS = 4
 _SHARES = ("velocity", "push", "position", "feed")
 
@@ -120,12 +121,13 @@ def integrate(
         q: state [plant.states] at the start; becomes the state at the time reached.
         span: start and end, s.
         tolerance: m, on positions.
-        careful: whether small vibrations of sticking contacts must be resolved.
+        careful: True if small vibrations of sticking contacts must be resolved.
         max_steps: largest number of accepted plus rejected steps.
         times: s, of the samples, ascending.
         samples: states and outputs of the elements [times, plant.columns], filled up to the time reached.
-        resume: [plant.resume_size], zeros to start from q; continued from otherwise.
-        account: the account of work [times, TERMS], which changes no step.
+        resume: internal numbers of the solver [plant.resume_size] from which to continue, replaced by those
+            at the end; zeros: start from q.
+        account: account of work [times, TERMS], filled; it does not change the steps.
 
     Returns:
         The outcome (see `engine.outcome`), the time reached [s], accepted and rejected steps.
@@ -160,7 +162,8 @@ def filled_task(
     times: Array,
     samples: Array,
 ) -> Any:
-    """Return a task of the engine with the arguments of `integrate`. The arrays must live as long as it.
+    """Return the C struct of a task with the arguments of `integrate`. Their arrays must exist as long as the
+    struct.
 
     Raises:
         TypeError, ValueError: see `integrate`.
@@ -177,11 +180,19 @@ def filled_task(
 
 
 def called(function: Any, laws: Sequence[EngineLaw], task: Any, *further: Any) -> int:
-    """Call a function of the engine with a task that has a flag `stop`, and return its outcome.
+    """Call a function of the engine with a task, and return its outcome (see `engine.outcome`).
+
+    With a law in plain Python, the task gets a flag through which an exception of the law stops the run.
+
+    Args:
+        function: function of the C library.
+        laws: laws of the elements.
+        task: struct with a field `stop`.
+        further: further arguments of the function.
 
     Raises:
         MemoryError: there is no room for the log of steps.
-        BaseException: whatever a user's law in Python has raised.
+        BaseException: the exception that a user's law in Python has raised.
     """
     if any(law.how == "python" for law in laws):
         with running() as stop:
@@ -195,7 +206,12 @@ def called(function: Any, laws: Sequence[EngineLaw], task: Any, *further: Any) -
 
 
 def doubles(array: Array, name: str, written: bool = False) -> Any:
-    """Return a pointer to an array for the engine; it keeps the array."""
+    """Return a C pointer to an array of doubles; the pointer keeps the array alive. `name` is for messages,
+    `written`: the engine writes into the array.
+
+    Raises:
+        TypeError: the array is not C-contiguous, or not of doubles.
+    """
     if array.dtype != np.float64 or not array.flags.c_contiguous:
         raise TypeError(f"{name} must be a C-contiguous array of doubles, not of {array.dtype}")
     buffer: Any = array
@@ -203,12 +219,13 @@ def doubles(array: Array, name: str, written: bool = False) -> Any:
 
 
 def contiguous(values: Array) -> Any:
-    """Return a pointer to numbers of any layout for the engine to read; it keeps them."""
+    """Return a C pointer to a readable copy of numbers in any layout, or to the array itself if it is
+    contiguous."""
     return doubles(np.ascontiguousarray(values, dtype=float), "numbers")
 
 
 def sized(name: str, array: NDArray[Any], size: int) -> None:
-    """Raise ValueError where an array has not as many numbers as the engine needs."""
+    """Raise ValueError if an array does not have `size` numbers, which the engine needs."""
     if array.size != size:
         raise ValueError(f"{name} has {array.size} numbers; the engine needs {size}")
 

@@ -17,13 +17,13 @@ from .interface import Interface
 from .law_struct import begun
 from .translator import BOOL, INT, Array, Record
 
-_MOST_RECORDS = 256  # number of rows of parameters whose records are kept
+_MOST_RECORDS = 256  # largest number of records in the cache of a law
 _THREAD = threading.local()
 
 
 @contextmanager
 def running() -> Iterator[Any]:
-    """Yield the flag that stops the engine; after the run, raise what a user's law raised in it."""
+    """Yield a flag that stops the engine when a user's law raises; after the run, raise that exception."""
     before = getattr(_THREAD, "run", None)
     flag = ffi.new("int32_t *", 0)
     _THREAD.run = run = [flag, None]
@@ -50,7 +50,13 @@ def _stopped() -> bool:
 
 
 def law(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]:
-    """Return the struct of a law whose functions call back Python, and the callbacks, which must be kept."""
+    """Return the C struct of a law whose functions call Python, and objects that must exist as long.
+
+    Args:
+        record: the user's record.
+        kind: its type, as the translator sees it.
+        interface: struct of friction laws, or of piezo models.
+    """
     made, name = begun(interface, kind)
     records = _Records(record, kind, made.parameters)
     callbacks = {}
@@ -66,7 +72,13 @@ def law(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]:
 
 
 class _Records:
-    """Cache of the records of one type, by their rows of numbers."""
+    """Function from a C pointer to a row of parameters to the record with these numbers; it caches records.
+
+    Args:
+        template: record with the fields that are not numbers.
+        kind: type of the record.
+        count: numbers in a row.
+    """
 
     def __init__(self, template: Any, kind: Record, count: int) -> None:
         self._template, self._kind, self._bytes = template, kind, 8 * count
@@ -84,7 +96,7 @@ class _Records:
 
 
 def _filled(template: Any, kind: Record, values: Iterator[float]) -> Any:
-    """Return the template with its numbers replaced, without the checks of a user's record."""
+    """Return a copy of a record with its numbers replaced by `values`, without its checks."""
     fields = template._asdict()
     for name, inner in kind.fields:
         if isinstance(inner, Record):
@@ -97,7 +109,8 @@ def _filled(template: Any, kind: Record, values: Iterator[float]) -> Any:
 
 
 def _of_two(said: str, function: Callable[..., Any], records: _Records) -> Callable[..., None]:
-    """Return a callback that writes the force and the rate of the state."""
+    """Return a C callback for a Python function with two results: it writes the force, and the rate of the
+    state; NaN if the function raises. `said` names the function in messages."""
 
     def call(p: Any, *given: Any) -> None:
         *arguments, force, dz = given
@@ -116,7 +129,8 @@ def _of_two(said: str, function: Callable[..., Any], records: _Records) -> Calla
 def _of_one(
     said: str, function: Callable[..., Any], records: _Records, kind: type[int] | type[float]
 ) -> Callable[..., Any]:
-    """Return a callback that returns one number."""
+    """Return a C callback for a Python function with one result of the type `kind`; if it raises, NaN or 0.
+    `said` names the function in messages."""
     none: Any = 0 if kind is int else math.nan
 
     def call(p: Any, *arguments: Any) -> Any:

@@ -17,9 +17,9 @@ from .interface import Interface
 from .library import SOURCES
 from .translator import Record, Translation, TranslationError
 
-# Rounded as Python rounds: no product is fused with a sum.
+# Without fused multiply-add, so that C rounds as Python does.
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
-LONGEST = 60.0  # s, for a compiler that hangs
+LONGEST = 60.0  # s, after which a compiler that hangs is stopped
 
 
 @functools.cache
@@ -35,7 +35,8 @@ def compiler() -> tuple[str, ...] | None:
 
 
 def source(kind: Record, interface: Interface) -> str:
-    """Return the C source of a law, with a function that returns its struct.
+    """Return the C source of a law (or of another record of the interface), with a function that returns its
+    struct.
 
     Raises:
         TranslationError: a function of the law cannot be translated.
@@ -58,8 +59,8 @@ def source(kind: Record, interface: Interface) -> str:
 
 
 def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any] | None:
-    """Return the struct of a compiled law and the library that contains it; None if no compiler accepts
-    it."""
+    """Return the struct of a compiled law and the library that contains it; None if there is no compiler, or
+    the law cannot be translated or compiled."""
     command = compiler()
     if command is None:
         return None
@@ -67,7 +68,7 @@ def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]
         text = source(kind, interface)
     except TranslationError:
         return None
-    # The folder is this user's alone; a library that was opened stays when its file is removed.
+    # Only this user can access the folder; an opened library stays loaded when its file is deleted.
     with tempfile.TemporaryDirectory(prefix="stickslip-", ignore_cleanup_errors=True) as folder:
         file, library = Path(folder, "law.c"), Path(folder, "law.so")
         file.write_text(text, encoding="utf-8")

@@ -26,10 +26,10 @@ from .nvrtc import GpuError
 
 __all__ = ["AT_ONCE", "integrate_members", "missing", "refused"]
 
-# Blocks of members in work at a time: while one is integrated, the next is prepared.
+# Number of blocks of members that are processed at the same time: one is integrated, the next is prepared.
 AT_ONCE = 2
 DRIVER = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"
-# Numbers of cuda.h.
+# Constants of cuda.h: flag of a stream, and the attributes of a device that give its compute capability.
 _NON_BLOCKING, _MAJOR, _MINOR = 1, 75, 76
 
 ffi = FFI()
@@ -65,7 +65,7 @@ _COMPILING = threading.Lock()
 
 @functools.cache
 def missing() -> str:
-    """Return what is missing to run on a GPU; an empty text where nothing is."""
+    """Return the reason why nothing can run on a GPU here; an empty text if it can."""
     if nvrtc.library() is None:
         return "NVRTC is not installed (extra stickslip[cuda])"
     try:
@@ -124,7 +124,8 @@ def integrate_members(
 
 
 def _fill_table(to: Any, table: Any, memory: _Memory) -> None:
-    """Copy the segment tables of one drive or of many (`waveform.members.Drives`) to the GPU."""
+    """Copy the segment tables of one drive, or of many (`waveform.members.Drives`), to the GPU, and store
+    their addresses in the struct `to`."""
     to.segments, to.harmonics = table.start.shape[-1], table.harmonic.shape[-2]
     for name in ("start", "polynomial", "harmonic", "first"):
         dtype = np.int64 if name == "first" else np.float64
@@ -137,12 +138,12 @@ class _Memory:
     def __init__(self) -> None:
         self.stream: Any = ffi.NULL
         self._addresses: list[int] = []
-        self._sent: list[Any] = []  # the driver reads them until the stream is synchronous
+        self._sent: list[Any] = []  # arrays that the driver reads until the stream is synchronised
 
     @classmethod
     @contextmanager
     def opened(cls) -> Iterator[_Memory]:
-        """Yield memory for one launch, which is freed at its end."""
+        """Yield GPU memory and a stream for one launch; both are freed at the end."""
         made = cls()
         _call("cuCtxSetCurrent", _device()[0])  # the context is per thread
         made.stream = _got("void **", "cuStreamCreate", _NON_BLOCKING)
@@ -155,7 +156,7 @@ class _Memory:
             driver().cuStreamDestroy_v2(made.stream)
 
     def sent(self, array: NDArray[Any]) -> Any:
-        """Return a pointer to a copy of an array on the GPU."""
+        """Copy an array to the GPU; return the pointer to the copy."""
         array = np.ascontiguousarray(array)
         address = _got("address *", "cuMemAlloc_v2", max(array.nbytes, 8))
         self._addresses.append(address)
@@ -165,7 +166,7 @@ class _Memory:
         return ffi.cast(kind, address)
 
     def received(self, pointer: Any, array: NDArray[Any]) -> None:
-        """Copy an array back, in place."""
+        """Copy an array from the GPU pointer back into `array`."""
         _call("cuMemcpyDtoHAsync_v2", _bytes(array), ffi.cast("address", pointer), array.nbytes, self.stream)
 
 
@@ -185,7 +186,7 @@ def driver() -> Any:
 
 @functools.cache
 def _device() -> tuple[Any, int]:
-    """Return the context of the first GPU, and its compute capability: 90 is 9.0."""
+    """Return the context of the first GPU, and its compute capability as a number: 90 is 9.0."""
     _call("cuInit", 0)
     device = _got("int *", "cuDeviceGet", 0)
     major, minor = (_got("int *", "cuDeviceGetAttribute", what, device) for what in (_MAJOR, _MINOR))
@@ -194,7 +195,8 @@ def _device() -> tuple[Any, int]:
 
 @functools.cache
 def _function(text: str) -> Any:
-    """Return the kernel of a layout, compiled once in a process."""
+    """Return the kernel for the layout that `text` (the header layout.h) describes; it is compiled once per
+    process."""
     context, capability = _device()
     _call("cuCtxSetCurrent", context)
     known = max((one for one in nvrtc.architectures() if one <= capability), default=capability)
@@ -205,7 +207,8 @@ def _function(text: str) -> Any:
 
 
 def _got(kind: str, name: str, *arguments: Any) -> Any:
-    """Call a function of the driver that writes its first argument, and return that."""
+    """Call a function of the driver that writes its first argument, of the C type `kind`; return what it
+    wrote."""
     found: Any = ffi.new(kind)
     _call(name, found, *arguments)
     return found[0]

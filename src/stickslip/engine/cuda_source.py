@@ -20,12 +20,12 @@ from .members import numbers_of
 from .sizes import largest, sizes
 from .translator import Record, Translation, record_type
 
-# Threads of a block, and blocks on a multiprocessor at once: each thread may have 128 of the 65,536
-# registers there.
+# Number of threads in a block, and of blocks on a multiprocessor at the same time: each thread may then use
+# 128 of the 65,536 registers.
 THREADS, BLOCKS = 128, 4
-# C99's literals of structs, which C++ has in another form: `(struct cut){...}` and `cut{...}`.
+# Compound literals of structs in C99, `(struct cut){...}`, which are `cut{...}` in C++.
 _LITERAL = re.compile(r"\((?:struct )?(OF\(\w+\)|\w+)\)\{")
-# Functions that are not inline.
+# Definitions of functions that are static, but not inline.
 _FUNCTION = re.compile(r"^static (?!inline|const)(?=[^=;{]*\()", re.MULTILINE)
 # Headers that the CUDA compiler lacks; it provides the functions of math.h itself.
 _STANDARD = {
@@ -36,7 +36,7 @@ _STANDARD = {
     "stdint.h": "typedef int int32_t;\ntypedef unsigned int uint32_t;\ntypedef long long int64_t;\n",
     "stdlib.h": "#include <stddef.h>\n",
 }
-# The definition of a law, and its fields.
+# C definition of a law's struct, and one field of it.
 _STRUCT = re.compile(r"^static const struct law \w+ = \{.*?^\};", re.MULTILINE | re.DOTALL)
 _FIELD = re.compile(r"^    \.(\w+) = (.*),$", re.MULTILINE)
 _KINDS = dict.fromkeys(("parameters", "smooth", "period"), "int ")
@@ -60,7 +60,7 @@ def for_gpu(text: str) -> str:
 
 @functools.cache
 def headers() -> dict[str, str]:
-    """Return every header that the kernel's source includes, but `layout.h`, by the name that includes it."""
+    """Return the text of each header that the kernel includes, by name, without `layout.h`."""
     files = [file for file in SOURCES.iterdir() if file.suffix in (".h", ".inl")]
     found = {file.name: for_gpu(file.read_text("ascii")) for file in files}
     return {**_STANDARD, **found}
@@ -72,13 +72,14 @@ def kernel() -> str:
 
 
 def layout(plant: Any, values: Array) -> tuple[str, Array]:
-    """Return the text of `layout.h` for plants of one layout, and their numbers [numbers, members].
+    """Return the text of the header `layout.h` for plants of one layout, and the numbers in which they differ
+    [numbers, members].
 
     Args:
         plant, values: see `members.ComposedMembers`.
 
     Raises:
-        QuantityError: the plant is larger than the engine's room.
+        QuantityError: the plant is larger than the engine allows.
         TypeError: an element has no law, or one that a GPU cannot run (see `refused`).
     """
     composed = ComposedPlant(plant)
@@ -104,7 +105,7 @@ def layout(plant: Any, values: Array) -> tuple[str, Array]:
 
 
 def _constants(struct: Any, kinds: tuple[Record, ...]) -> Iterator[str]:
-    """Yield the lines of `fill_plant` for what all plants of a layout have in common."""
+    """Yield the lines of `fill_plant` for the numbers that are the same in all plants of a layout."""
     for name in _SUMS:
         yield f"P->{name} = {getattr(struct, name)};"
     for e, kind in enumerate(kinds):
@@ -115,7 +116,7 @@ def _constants(struct: Any, kinds: tuple[Record, ...]) -> Iterator[str]:
 
 
 def refused(law: EngineLaw) -> str:
-    """Return why a law cannot run on a GPU, or an empty text."""
+    """Return the reason why a law cannot run on a GPU; an empty text if it can."""
     if law.how in ("package", "compiler"):
         return ""
     name: Any = ffi.string(law.pointer.name)
@@ -126,13 +127,14 @@ def refused(law: EngineLaw) -> str:
 
 
 def _member(place: tuple[str | int, ...]) -> str:
-    """Return the C expression for a place in the plant."""
+    """Return the C expression for a field of the plant, given by its path of names and indices."""
     return "P->" + "".join(f"[{one}]" if isinstance(one, int) else f".{one}" for one in place)[1:]
 
 
 @functools.cache
 def _laws(kinds: tuple[Record, ...], _functions: Any) -> str:
-    """Return the C source of laws, given with their Python functions.
+    """Return the C source of the laws of these record types; their Python functions are only a key of the
+    cache.
 
     A single law becomes the struct itself: its functions are then known at compile time and inlined into the
     step.

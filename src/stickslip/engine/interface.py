@@ -14,8 +14,8 @@ from .translator import BOOL, INT, KEYWORDS, REAL, Array, Record, Translation, T
 
 
 class CallSignature(NamedTuple):
-    """C signature of a role: types and names of its arguments, names of what it writes, and the type it
-    returns."""
+    """C signature of a role: its arguments as pairs of type and name, the names of the results that it writes
+    through pointers, and its return type."""
 
     values: tuple[tuple[str, str], ...]
     results: tuple[str, ...]
@@ -23,13 +23,19 @@ class CallSignature(NamedTuple):
 
 
 class Interface(NamedTuple):
-    """A struct of C whose members are functions.
+    """A C struct of function pointers that is made from Python records: `law` for friction, `duhem` for
+    hysteresis. A role is the name of one function.
 
-    Fields: `name`, of the struct; `noun`, what messages call it; `header` that declares it; `room` of the
-    package whose records are in the library; `arguments`, the declaration of each role after the row of
-    parameters; `whole`, the roles that return a whole number; `functions`, the Python function of each role
-    that a class of records has; `numbers`, further members of the struct; `inputs`, the arguments at which a
-    compiled role is compared with its Python function.
+    Attributes:
+        name: name of the struct.
+        noun: name of such a record in messages.
+        header: C header that declares the struct.
+        room: sub-package whose own records are compiled into the library.
+        arguments: C declaration of the arguments of each role, after the row of parameters.
+        whole: roles that return an integer.
+        functions: function from a record class to its Python functions by role.
+        numbers: function from a record type to further integer members of the struct, by name.
+        inputs: function from a role to the arguments at which compiled and Python functions are compared.
     """
 
     name: str
@@ -52,8 +58,8 @@ class Interface(NamedTuple):
         )
 
     def packaged(self, classes: list[type]) -> str:
-        """Return the C source of some of the package's records, and the table through which the library lists
-        them."""
+        """Return the C source of record classes of the package, with the table through which the library
+        lists them."""
         made = Translation()
         parts = [self.c_of(made, of_numbers(one)) for one in classes]
         names = "\n".join(f"    &{self.name}_{one.__name__}," for one in classes)
@@ -61,10 +67,10 @@ class Interface(NamedTuple):
         return "\n".join([made.text(), *parts, table])
 
     def c_of(self, made: Translation, kind: Record) -> str:
-        """Return the C source of a record type with its struct.
+        """Return the C source of a record type and its struct; `made` collects the translated functions.
 
         Raises:
-            TranslationError: a function of it is outside the subset that can be translated.
+            TranslationError: a function is outside the subset that can be translated.
         """
         name = kind.record_class.__name__
         if not name.isascii():
@@ -80,8 +86,8 @@ class Interface(NamedTuple):
         return "\n".join(parts)
 
     def _role_c(self, made: Translation, kind: Record, role: str, function: Any) -> str:
-        """Return the C function of a role, which makes the record from the row p and calls its
-        translation."""
+        """Return the C function of a role: it builds the record from the row of parameters p and calls the
+        translated `function`."""
         name, struct, fill = (
             kind.record_class.__name__,
             made.record(kind),
@@ -107,14 +113,14 @@ class Interface(NamedTuple):
 
 
 def numbers(kind: Any) -> int:
-    """Return how many numbers a type has in a row of parameters."""
+    """Return how many numbers of a row of parameters a type takes: a record, an array, or a single number."""
     if isinstance(kind, Record):
         return sum(numbers(inner) for _, inner in kind.fields)
     return kind.length if isinstance(kind, Array) else 1
 
 
 def _filled(kind: Any, places: Iterator[int]) -> str:
-    """Return the C initialiser of a record from the row p."""
+    """Return the C initialiser of a value from the row of parameters p, at the next indices of `places`."""
     if isinstance(kind, Record):
         return f"{{{', '.join(_filled(inner, places) for _, inner in kind.fields) or '0'}}}"
     if isinstance(kind, Array):
@@ -124,7 +130,8 @@ def _filled(kind: Any, places: Iterator[int]) -> str:
 
 
 def row_of(kind: Any, place: str) -> list[str]:
-    """Return the C expressions of a row of parameters: the numbers of the value of this type at a place."""
+    """Return the C expressions of all numbers of a value, in the order of a row of parameters; `place` is the
+    C expression of the value."""
     if isinstance(kind, Record):
         named = [(f"{name}_" if name in KEYWORDS else name, inner) for name, inner in kind.fields]
         return [text for name, inner in named for text in row_of(inner, f"{place}.{name}")]
@@ -146,5 +153,5 @@ def row(record: Any) -> list[float]:
 
 
 def of_numbers(record_class: type) -> Record:
-    """Return the type of a record all of whose fields are numbers."""
+    """Return the translator's type of a record class, all of whose fields are real numbers."""
     return Record(record_class, tuple((name, REAL) for name in record_class._fields))  # type: ignore[attr-defined]

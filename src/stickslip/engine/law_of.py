@@ -20,14 +20,14 @@ from .laws import LAW
 from .library import packaged
 from .translator import Record, record_type
 
-# Largest relative difference of a compiled law from its Python functions: orders above the rounding of any
-# function of `math`.
+# Largest relative difference between a compiled law and its Python functions, orders of magnitude above the
+# rounding of any function of `math`.
 AGREES = 1e-9
 
 
 class EngineLaw(NamedTuple):
-    """A law of the engine: pointer to its struct, how its functions run ("package", "compiler", "numba" or
-    "python"), and objects that must be kept as long."""
+    """A law as the engine runs it: pointer to its C struct; `how` its functions run ("package": part of the
+    library, "compiler", "numba" or "python"); and objects that must exist as long."""
 
     pointer: Any
     how: str
@@ -42,9 +42,9 @@ def law_of(record: Any, slowest: bool = False, interface: Interface = LAW) -> En
     """Return the engine's law for records of this type.
 
     Args:
-        record: one with an equation of its own: no composed law, but an element of one.
-        slowest: run a user's law as plain Python, for instance to step through it.
-        interface: of a law, or of another struct of functions.
+        record: a law with an equation of its own; for a composed law, one of its elements.
+        slowest: run a user's law as plain Python, for instance to debug it.
+        interface: kind of record: friction law, or piezo model.
 
     Raises:
         TypeError: the record is no law.
@@ -78,10 +78,10 @@ def _made(record: Any, kind: Record, slowest: bool, interface: Interface = LAW) 
 
 
 def agrees(pointer: Any, record: Any, interface: Interface = LAW) -> bool:
-    """Return whether a compiled law gives the same values as its Python functions, wherever these give
+    """Return True if a compiled law gives the same values as its Python functions, wherever these give
     numbers.
 
-    A compiled law that does not is not used.
+    Otherwise the compiled law is not used.
     """
     from ._abi import ffi
 

@@ -1,4 +1,4 @@
-"""The struct of a user's law, before it has functions."""
+"""Make the C struct of a user's law, still without functions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from .translator import Record
 
 
 def begun(interface: Interface, kind: Record) -> tuple[Any, Any]:
-    """Return an empty C struct for a law of this record type, and the C string of its name, which must be
-    kept as long."""
+    """Return a C struct without functions for a law of this record type, and the C string of its name, which
+    must exist as long as the struct."""
     made: Any = ffi.new(f"struct {interface.name} *")
     name = ffi.new("char[]", kind.record_class.__name__.encode("ascii", "replace"))
     made.name, made.parameters = name, numbers(kind)

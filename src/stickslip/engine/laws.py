@@ -19,13 +19,13 @@ HEAD = """/* {what}
 #include "{include}"
 
 """
-# Inputs at which a compiled law is compared with its Python functions.
+# Speeds [m/s] and states [m] at which a compiled law is compared with its Python functions.
 _SPEEDS = (0.0, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
 _STATES = (0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1.0)
 
 
 def functions(law_type: type) -> dict[str, Any]:
-    """Return the Python function of each role of a law, by role."""
+    """Return the Python functions that a law has, by the name of their role ("rate", "breakaway", ...)."""
     made = registered._IMPLEMENTATIONS[law_type]
     found = {role: getattr(made, role) for role in ("rate", "breakaway", "project", "tick")}
     if made.branches:
@@ -35,15 +35,15 @@ def functions(law_type: type) -> dict[str, Any]:
 
 
 def _numbers(kind: Record) -> dict[str, int]:
-    """Return numbers that a law's struct contains: 1 for an element without a kink at v = 0, 0 for a contact;
-    the index of the period of a sampled element."""
+    """Return further members of a law's struct: "smooth", 1 for an element without a kink at v = 0, 0 for a
+    contact; "period", the index of a sampled element's period among its parameters, or -1."""
     law = kind.record_class
     period = place_of_period(kind) if "tick" in functions(law) else -1
     return {"smooth": int(registered.is_smooth(law)), "period": period}
 
 
 def place_of_period(kind: Record) -> int:
-    """Return which number of a row of parameters is the period of a sampled element."""
+    """Return the index of the field `period` of a sampled element in its row of parameters."""
     names = [name for name, _ in kind.fields]
     return sum(numbers(inner) for _, inner in kind.fields[: names.index("period")])
 
@@ -64,7 +64,7 @@ def _inputs(role: str) -> list[tuple[Any, ...]]:
     return [(v, 0.0, z, branch) for v in _SPEEDS for z in states for branch in (0, 1)]
 
 
-# The roles of a law in `struct law`, with their declarations there.
+# Interface of friction laws: the roles in the C struct `law`, with their arguments.
 LAW = Interface(
     name="law",
     noun="law",
@@ -94,15 +94,16 @@ def parameters(law: Any) -> list[float]:
 
 
 def packaged() -> list[type]:
-    """Return the types of the package's laws that have an equation of their own, elements of composed laws
-    included."""
+    """Return the types of the package's laws that have an equation of their own, including elements of
+    composed laws."""
     own = __name__.split(".")[0]
     found = registered._IMPLEMENTATIONS.items()
     return [law for law, made in found if made.rate is not None and law.__module__.split(".")[0] == own]
 
 
 def header(what: str, name: str, text: str, include: str = "law.h") -> str:
-    """Return the text of a generated header."""
+    """Return the text of a generated header: `what` it contains, its `name`, its C `text`, and the header
+    that it includes."""
     return f"{HEAD.format(what=what, guard=name.upper(), include=include)}{text}\n#endif\n"
 
 

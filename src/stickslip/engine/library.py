@@ -41,7 +41,8 @@ def library() -> Any:
 
 @functools.cache
 def packaged(interface: str) -> dict[str, Any]:
-    """Return the package's laws by name; for another interface, its structs by name."""
+    """Return pointers to the C structs of the package's own records by name: friction laws for the interface
+    "law"."""
     found, i = {}, 0
     every = getattr(library(), f"stickslip_packaged_{interface}")
     while law := every(i):

@@ -1,4 +1,5 @@
-"""Integrate many trajectories with the engine, each member with its own numbers, drive and state."""
+"""Integrate many trajectories with the engine: members of one plant layout, each with its own numbers, drive
+and state."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ Integers = NDArray[np.int64]
 
 
 class _Structs:
-    """An array of structs of the engine, of which one field of all is a column."""
+    """An array of C structs of one kind; a field is set in all of them from a column of values."""
 
     def __init__(self, kind: str, count: int) -> None:
         self.pointer: Any = ffi.new(f"{kind}[]", count)
@@ -28,12 +29,12 @@ class _Structs:
         self._arrays: list[Any] = []  # the engine keeps pointers into them
 
     def fill(self, like: Any) -> None:
-        """Copy one struct to all."""
+        """Copy one struct into all structs."""
         one: Any = ffi.buffer(like)
         np.frombuffer(self._memory, np.uint8).reshape(self._shape)[:] = np.frombuffer(one, np.uint8)
 
     def put(self, values: Any, dtype: Any, *place: str | int) -> None:
-        """Set one field of all structs to these values."""
+        """Set a field, given by its path of names and indices, in all structs to `values`."""
         if self._shape[0] == 0:
             return
         offset = ffi.offsetof(self._kind, *place)
@@ -41,7 +42,7 @@ class _Structs:
         column[:] = values
 
     def point(self, rows: NDArray[Any], which: Integers, *place: str | int) -> None:
-        """Let a pointer field of each struct point to a row of an array."""
+        """Set a pointer field of each struct to the row `which` of an array, an index per struct."""
         self._arrays.append(rows)
         self.put(rows.ctypes.data + which * rows.strides[0], np.uintp, *place)
 
@@ -124,12 +125,12 @@ def integrate_members(
         members: the plants.
         drives: drive of each member.
         load: normal force over its reference, the same for all.
-        outcomes: of each (see `engine.outcome`), in place; members whose outcome is not DONE at the start are
-            left out.
-        states: at the start [members, states]; in place, at the time reached.
-        spans: start and end of each, s, [members, 2].
+        outcomes: outcome of each member (see `engine.outcome`), in place; members whose outcome is not DONE
+            at the start are left out.
+        states: states at the start [members, states], replaced by those at the time reached.
+        spans: start and end of each run, s, [members, 2].
         tolerance, careful, max_steps, times: see `binding.integrate`.
-        column: the state that is sampled.
+        column: index of the state that is sampled.
 
     Raises:
         TypeError, ValueError, MemoryError: see `binding.integrate`.
@@ -155,10 +156,10 @@ def integrate_members(
 
 
 def numbers_of(plant: Any, values: Array) -> Iterator[tuple[tuple[str | int, ...], Array]]:
-    """Yield the place of each number in ``struct plant``, and that number of each member.
+    """Yield the path of each number in the C struct `plant`, and its value for each member, [members].
 
-    Where the struct points to numbers (parameters of a law, a normal force along the stroke), these are a row
-    of each member [members, numbers].
+    Where the struct has a pointer (parameters of a law, a normal force along the stroke), the values are rows
+    [members, numbers].
 
     Args:
         plant, values: see `ComposedMembers`.
@@ -173,7 +174,7 @@ def numbers_of(plant: Any, values: Array) -> Iterator[tuple[tuple[str | int, ...
             if name == "along" and value is not None:
                 yield ("element", e, name), np.stack([next(numbers) for _ in value], axis=1)
             elif name == "loaded" and value is not None:
-                next(numbers)  # a flag is no number of a member
+                next(numbers)  # a flag, the same for all members
             elif isinstance(value, tuple):
                 for i, share in enumerate(value):
                     if share is not None:
@@ -184,8 +185,8 @@ def numbers_of(plant: Any, values: Array) -> Iterator[tuple[tuple[str | int, ...
 
 
 def check_fit(members: ComposedMembers, drives: MemberDrives | None, column: int) -> None:
-    """Raise ValueError if the number of drives (if any) is not that of the members, or the state's index is
-    too large."""
+    """Raise ValueError if there are drives, but not one per member, or if `column` is not the index of a
+    state."""
     if drives is not None and drives.count != members.count:
         raise ValueError(f"there are {members.count} plants and {drives.count} drives")
     if not 0 <= column < members.states:
@@ -193,7 +194,12 @@ def check_fit(members: ComposedMembers, drives: MemberDrives | None, column: int
 
 
 def integers(array: Integers, name: str) -> Any:
-    """Return a pointer to an array for the engine; it keeps the array."""
+    """Return a C pointer to an array of 64-bit integers; the pointer keeps the array alive. `name` is for
+    messages.
+
+    Raises:
+        TypeError: the array is not C-contiguous, or not of 64-bit integers.
+    """
     if array.dtype != np.int64 or not array.flags.c_contiguous:
         raise TypeError(f"{name} must be a C-contiguous array of 64-bit integers, not of {array.dtype}")
     buffer: Any = array

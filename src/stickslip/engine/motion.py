@@ -30,12 +30,12 @@ def follow_position(
         law: friction law record.
         time, position: [n], n >= 2, s and m; linear in between.
         load: [n], normal force over the reference, linear in between; 0 or more.
-        z: [elements, at least 1] at the first sample; moved to the last one. Of a static law, the force that
-            it carries over its breakaway.
+        z: states [elements] at the first sample, m, replaced by those at the last one; for a static law one
+            number, the force that it carries over its breakaway force.
         tolerance: m, on each deflection over each step.
-        proportional: whether the deflections stay when the normal force changes, instead of being renewed.
-        samples: [n, 1 + elements, at least 2], out: force (N) and state; at a sample, the force of the
-            interval that ends there.
+        proportional: True if deflections stay when the normal force changes, instead of being renewed.
+        samples: [n, 1 + elements] (at least two columns), filled with force (N) and states; at a sample, the
+            force is that of the interval that ends there.
 
     Returns:
         Number of samples reached: n, or fewer where the law could not be followed.
@@ -63,10 +63,11 @@ def follow_position(
 
 
 def forces_at(law: Any, velocity: Array, states: Array, force: Array) -> None:
-    """Compute the force [n] of a law at each velocity [n] and state [n, elements, at least 1].
+    """Compute the force of a law at given velocities [n] and states [n, elements] (at least one column), into
+    `force` [n].
 
-    The force of the interval before a sample is by a velocity half an interval late, which a fit takes for
-    other damping.
+    `follow_position` instead gives the force of the interval before each sample. Its velocity is half an
+    interval late, which a fit would take for damping.
     """
     made, numbers = _taken(law)
     width = max(elements(law), 1)
@@ -80,5 +81,5 @@ def forces_at(law: Any, velocity: Array, states: Array, force: Array) -> None:
 
 
 def _taken(law: Any) -> tuple[EngineLaw, Array]:
-    """Return the engine's law and the parameters of its elements."""
+    """Return the engine's law of an element, and the parameters of all elements in a row."""
     return law_of(element(law, 0)), np.array(parameters(law), dtype=float)

@@ -15,15 +15,15 @@ from .members import ComposedMembers, MemberDrives, check_fit
 
 
 class Neighbours:
-    """Members that differ a little from a trajectory.
+    """Members that differ slightly from a trajectory, and are integrated with the same steps.
 
     Args:
-        members: their plants, of the trajectory's layout.
-        states: at the start [members, states]; in place, at the time reached.
-        column: the state that is sampled.
-        drives: of each, whose segments are those of the trajectory a little earlier or later, as their steps
-            are then; None where all have the trajectory's.
-        end, ends: when the trajectory and they [members] end, s; only for drives of their own.
+        members: plants of the neighbours, with the layout of the trajectory's plant.
+        states: states at the start [members, states], replaced by those at the time reached.
+        column: index of the state that is sampled.
+        drives: drive of each neighbour; None if all have the drive of the trajectory. Their segments may
+            start slightly earlier or later than those of the trajectory, and so do their steps.
+        end, ends: end of the trajectory, and of each neighbour [members], s; only for drives of their own.
     """
 
     def __init__(
@@ -71,8 +71,8 @@ def integrate_near(
         near: the neighbours; their states become those at the time reached.
 
     Returns:
-        What `binding.integrate` returns, and the sampled state of each neighbour [members, times], NaN after
-        the time reached.
+        The results of `binding.integrate`, and the sampled state of each neighbour [members, times], NaN
+        after the time reached.
 
     Raises:
         TypeError, ValueError, MemoryError: see `binding.integrate`.

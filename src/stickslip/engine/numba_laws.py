@@ -1,4 +1,4 @@
-"""A user's law compiled by Numba, where that is installed: for what the translator does not know."""
+"""Compile a user's law by Numba, if that is installed, when the law cannot be compiled as C."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .interface import CallSignature, Interface, numbers
 from .law_struct import begun
 from .translator import BOOL, INT, Array, Record
 
-# Numba's names of C's types.
+# Names of C types in Numba.
 _KINDS = {"real_t": "float64", "int": "int32", "void": "void"}
 _POINTER = "CPointer(float64)"
 
@@ -26,7 +26,7 @@ def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]
 
     given = interface.functions(type(record))
     if any(_raises(function, set()) for function in given.values()):
-        return None  # a C function of Numba's prints what is raised, and continues
+        return None  # Numba's C functions only print an exception, and continue
     made, name = begun(interface, kind)
     functions_made = []
     try:
@@ -39,7 +39,8 @@ def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]
 
 
 def _raises(function: Any, seen: set[Any]) -> bool:
-    """Return whether a function, or one that it calls by a name of its module, raises."""
+    """Return True if a function, or one of its module that it calls, contains a raise statement. `seen` are
+    functions that are already checked."""
     plain = getattr(function, "py_func", function)
     code = getattr(plain, "__code__", None)
     if code is None or plain in seen:
@@ -57,7 +58,8 @@ def _raises(function: Any, seen: set[Any]) -> bool:
 
 
 def _compiled(signature: CallSignature, function: Any, record: Any, kind: Record) -> Any:
-    """Return one role as a C function, which makes the record from the row of parameters."""
+    """Return one role of a law as a C function of Numba, which builds the record from the row of
+    parameters."""
     import numba
 
     values, results, returns = signature
@@ -72,7 +74,8 @@ def _compiled(signature: CallSignature, function: Any, record: Any, kind: Record
 
 
 def _filled(template: Any, kind: Record, places: Iterator[int], known: dict[str, Any]) -> str:
-    """Return the Python expression of a record from the row p; text and None are constants."""
+    """Return the Python expression that builds a record from the row of parameters p. Text and None become
+    constants in `known`, the names that the expression may use."""
     name = f"class_{len(known)}"
     known[name] = kind.record_class
     types, parts = dict(kind.fields), []

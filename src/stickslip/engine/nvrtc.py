@@ -24,10 +24,10 @@ int nvrtcGetCUBIN(void *program, char *image);
 int nvrtcGetNumSupportedArchs(int *count);
 int nvrtcGetSupportedArchs(int *archs);
 """)
-PACKAGE = "nvidia.cuda_nvrtc"  # as the wheel has it, and where it lies there
+PACKAGE = "nvidia.cuda_nvrtc"  # package of the wheel, and the library's path in it
 _FILES = ("lib/libnvrtc.so.12", "bin/nvrtc64_120_0.dll")
-# Products and sums are rounded one after the other, as on the processors. Each layout leaves some functions
-# and constants unused (warning 177).
+# Without fused multiply-add, so that results round as on processors. Warning 177 is about unused functions
+# and constants, of which each layout has some.
 OPTIONS = ("-default-device", "-std=c++20", "-fmad=false", "-diag-suppress=177")
 
 
@@ -61,12 +61,12 @@ def compiled(source: str, headers: dict[str, str], target: str, *options: str) -
 
     Args:
         source: CUDA C++.
-        headers: the text of each that it includes, by name.
+        headers: text of each header that it includes, by name.
         target: "sm_90" for a GPU's own code (cubin), "compute_90" for PTX, which a driver compiles.
-        options: further ones of NVRTC.
+        options: further options of NVRTC.
 
     Returns:
-        The code, and what the compiler says.
+        The compiled code, and the messages of the compiler.
 
     Raises:
         GpuError: the source is not valid.
@@ -91,7 +91,7 @@ def compiled(source: str, headers: dict[str, str], target: str, *options: str) -
 
 
 def _texts(given: Any) -> tuple[Any, list[Any]]:
-    """Return texts as an array of C strings, and objects that must be kept as long."""
+    """Return texts as a C array of strings, and the objects that must exist as long."""
     kept = [ffi.new("char[]", one.encode()) for one in given]
     return ffi.new("char *[]", kept), kept
 

@@ -16,13 +16,14 @@ class Orbits(NamedTuple):
     """Periodic motions of members.
 
     Attributes:
-        outcomes: result code [members].
-        steps: m, net displacement per period.
-        errors: m, error bound of step and state.
-        residuals: m, residual before the last correction.
-        radius: largest multiplier in absolute value.
+        outcomes: outcome of each member, see `engine.outcome`.
+        steps: net displacement per period, m.
+        errors: estimated error of step and state, m.
+        residuals: defect of state and step before the last correction, m.
+        radius: largest multiplier (growth factor of a disturbance per period) in absolute value.
         periods: number of integrated periods.
-        jacobian: derivative of the last map [members, states, states]; zero for the position.
+        jacobian: derivative of the state after a period by the state before [members, states, states]; zero
+            for the position.
     """
 
     outcomes: Integers
@@ -52,14 +53,14 @@ def find_orbits(
         members: the plants.
         drives: drive of each member.
         load: normal force over its reference, the same for all.
-        outcomes: of each, in place: DONE, NOT_FOUND, or why the motion could not be
-            followed; members whose outcome is not DONE at the start are left out.
-        states: from which they are looked for [members, states]; in place, on the orbits.
-        periods: of the drives, s, [members].
-        tolerance: m, on step and state.
-        max_periods: integrated for one orbit, at most.
-        column: of the state, the position that moves on.
-        smooth: whether derivatives may be those of neighbours.
+        outcomes: outcome of each member, in place: DONE, NOT_FOUND, or the reason why the integration stopped
+            (see `engine.outcome`); members that are not DONE at the start are left out.
+        states: initial guesses [members, states], replaced by states on the orbits.
+        periods: period of each drive, s, [members].
+        tolerance: tolerance of step and state, m.
+        max_periods: largest number of periods that are integrated for one orbit.
+        column: index of the position that advances by the net step.
+        smooth: True if derivatives may come from slightly changed runs with the same steps (`engine.near`).
 
     Raises:
         TypeError, ValueError, MemoryError: see `binding.integrate`.

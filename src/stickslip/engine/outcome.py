@@ -1,4 +1,5 @@
-"""Outcomes of a run: the numbers of `c/engine.h`."""
+"""Outcome of a run of the engine, an integer: the constants of `c/engine.h`. DONE means that the run reached
+its end, or that an orbit was found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The macros with which the engine's sources are compiled for plants of one layout (see `c/elements.inl`)."""
+"""Macros with which the engine's C sources are compiled for plants of one layout (see `c/elements.inl`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from .laws import functions
 
 
 def largest(plant: Any) -> dict[str, int]:
-    """Return the room for a plant (see `plant.system.Plant`), as `c/plant.h` asks for it."""
+    """Return the macros for the size of a plant's arrays (see `plant.system.Plant`), which `c/plant.h`
+    uses."""
     return {
         "LARGEST_MODES": max(len(plant.modes), 1),
         "LARGEST_ELEMENTS": max(len(plant.elements), 1),
@@ -18,10 +19,11 @@ def largest(plant: Any) -> dict[str, int]:
 
 
 def sizes(plant: Any, suffix: str) -> dict[str, str]:
-    """Return macros (name to value) that tell the C compiler what all plants of this layout have in common.
+    """Return macros, value by name, that tell the C compiler what all plants of one layout have in common, so
+    that it can unroll loops and drop tests.
 
     Args:
-        plant: one of them.
+        plant: one plant with this layout.
         suffix: suffix of the names of functions compiled with these macros.
     """
     modes, states = len(plant.modes), {elements(one.law) for one in plant.elements}
@@ -46,12 +48,13 @@ def sizes(plant: Any, suffix: str) -> dict[str, str]:
 
 
 def _states(plant: Any) -> int:
-    """Return the length of the state."""
+    """Return the number of states of a plant: two per mode, and those of the elements."""
     return 2 * len(plant.modes) + sum(elements(one.law) for one in plant.elements)
 
 
 def _rare(one: Any) -> bool:
-    """Return whether an element is no contact with one bristle, or a static law, under a constant load."""
+    """Return True unless an element is a plain contact: one bristle, or a static law, under a constant load
+    and without further inputs."""
     kind = type(element(one.law, 0))
     roles = functions(kind)
     given = (one.position, one.feed, one.drive, one.drive_rate, one.loaded, one.along)

@@ -1,4 +1,5 @@
-"""Python functions of numbers and records, translated to C99: see `subset` for what can be translated."""
+"""Translator of Python functions of numbers and records to C99; the module `subset` says what can be
+translated."""
 
 from .subset import BOOL as BOOL
 from .subset import INT as INT

@@ -16,7 +16,8 @@ _MADE = re.compile(r"made_\d+(\.\w+)?")
 
 
 class Retyped(Exception):
-    """Signals that a variable, or the result, needs a wider type than it got first."""
+    """Signal that the variable `name`, or the result, needs the wider type `kind`, so that the function must
+    be translated again."""
 
     def __init__(self, name: str, kind: Any) -> None:
         super().__init__(name)
@@ -24,7 +25,7 @@ class Retyped(Exception):
 
 
 def assign(body: FunctionBody, node: ast.Assign, targets: list[ast.expr], value: Value) -> None:
-    """Translate an assignment to one or several targets, each a name or a tuple of names."""
+    """Translate an assignment; each target is a name or a tuple of names."""
     match targets:
         case [ast.Name(id=name)]:
             set_variable(body, node, name, value)
@@ -79,7 +80,7 @@ def _store(body: FunctionBody, node: ast.AST, name: str, kind: Any, value: Value
 
 
 def _held(body: FunctionBody, value: Value) -> Value:
-    """Return the value copied to new variables, which stay as they are when others change."""
+    """Return a value copied to new C variables, so that later assignments do not change it."""
     if value.type is None:
         return value._replace(parts=tuple(_held(body, part) for part in value.parts))
     if value.constant is not None or isinstance(value.type, Array | Record) or _MADE.fullmatch(value.text):
@@ -88,7 +89,7 @@ def _held(body: FunctionBody, value: Value) -> Value:
 
 
 def unpack(body: FunctionBody, node: ast.AST, targets: list[ast.expr], value: Value) -> None:
-    """Assign the parts of a tuple to names; parts that contain one of the names are computed first."""
+    """Assign the parts of a tuple to names. If a part uses one of the names, all parts are copied first."""
     value = parts_of(value)
     if len(targets) != len(value.parts):
         raise body.source.error(node, "a tuple needs one name for each of its parts")
@@ -110,7 +111,7 @@ def _texts(value: Value) -> list[str]:
 
 
 def parts_of(value: Value) -> Value:
-    """Return a table as a tuple of its numbers; any other value as it is."""
+    """Return a table as a tuple of its numbers; return any other value unchanged."""
     if not isinstance(value.type, Array):
         return value
     parts = (Value(f"{value.text}[{i}]", REAL) for i in range(value.type.length))

@@ -1,4 +1,5 @@
-"""Calls: functions of `math` and NumPy, of whole tuples, of records, and what else has a Python source."""
+"""Translate calls: functions of `math` and NumPy, functions of tuples, records, and any function with a
+Python source."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ from .expressions import (
 )
 from .subset import BOOL, INT, REAL, SUM, Array, Record, Value, joined, kind_of
 
-# Functions of one number; some have another name in NumPy.
+# Functions of one number in `math`; `_NUMPY` has their names in NumPy where these differ.
 _MATH = (
     *("acos", "acosh", "asin", "asinh", "atan", "atanh", "cbrt", "cos", "cosh", "degrees", "erf", "erfc"),
     *("exp", "exp2", "expm1", "gamma", "lgamma", "log", "log10", "log1p", "log2", "radians", "sin", "sinh"),
@@ -57,7 +58,7 @@ _TESTS = {
     function: f"r_{name}" for name in ("isfinite", "isinf", "isnan") for function in
     (getattr(math, name), getattr(np, name))
 }  # fmt: skip
-# To a whole number, from a real one.
+# Functions from a real number to an integer, with their C counterparts.
 _WHOLE = {int: "r_trunc", math.trunc: "r_trunc", math.floor: "r_floor", math.ceil: "r_ceil", round: "r_rint"}
 _EXTREMES = {min: "r_min", max: "r_max"}
 
@@ -86,7 +87,7 @@ def _call(context: Context, node: ast.Call) -> Value:
 
 
 def _called(context: Context, node: ast.Call) -> Any:
-    """Return the function that is called, or the value of a call of a record's method."""
+    """Return the function that a call names; for a method of a record, the value of the call itself."""
     if isinstance(node.func, ast.Name) and isinstance(context.variables.get(node.func.id), LocalFunction):
         return context.variables[node.func.id]
     if isinstance(node.func, ast.Attribute):
@@ -129,7 +130,7 @@ def _bound(context: Context, node: ast.Call, function: Any, arguments: list[Valu
 
 
 def _known(context: Context, node: ast.Call, function: Any, values: list[Value]) -> Value | None:
-    """Return the value of a call of a function that C has too; None for any other function."""
+    """Return the value of a call of a function that C has, too; None for any other function."""
     try:
         hash(function)
     except TypeError:
@@ -154,7 +155,7 @@ def _known(context: Context, node: ast.Call, function: Any, values: list[Value])
     if function is len and one is not None:
         return constant(context, node, one.type.length if isinstance(one.type, Array) else len(one.parts))
     if function in (bool, np.all, np.any, np.bool_) and one is not None:
-        return as_bool(context, node, one)  # in C there is one member, not many
+        return as_bool(context, node, one)  # C computes one member: a single condition
     if function in (float, np.float64) and one is not None:
         return as_real(context, node, one)
     return _of_numpy(context, node, function, values)
@@ -181,7 +182,7 @@ def _of_numpy(context: Context, node: ast.Call, function: Any, values: list[Valu
 
 
 def _array(context: Context, node: ast.AST, value: Value) -> Value:
-    """Return numbers contiguous in memory: a table, or a tuple written into one."""
+    """Return numbers as a table in memory: a table itself, or a tuple written into a new one."""
     if isinstance(value.type, Array):
         return value
     if value.type is not None or not value.parts:
@@ -192,7 +193,7 @@ def _array(context: Context, node: ast.AST, value: Value) -> Value:
 
 
 def _of_all(context: Context, node: ast.Call, function: Any, values: list[Value]) -> Value:
-    """Return the minimum, maximum or sum of several numbers, or of those of a tuple."""
+    """Return the minimum, maximum or sum (`function`) of several values, or of the parts of one tuple."""
     if len(values) == 1:
         (of,) = values
         if isinstance(of.type, Array):
@@ -226,7 +227,7 @@ def _in_c(context: Context, node: ast.Call, name: str, count: int, values: list[
 
 
 def _made(context: Context, node: ast.Call, record_class: Any) -> Value:
-    """Return a record made from its fields, all of which must be numbers or conditions."""
+    """Return a new record from its fields, all of which must be numbers or conditions."""
     names = record_class._fields
     given = dict(zip(names, node.args, strict=False))
     given |= {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg}

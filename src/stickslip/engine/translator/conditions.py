@@ -35,7 +35,7 @@ def _boolean(context: Context, node: ast.BoolOp) -> Value:
         if value.constant is both:
             continue
         found.append((value, lines))
-        if value.constant is not None:  # it decides; what stands after it is not looked at
+        if value.constant is not None:  # a known operand decides; later ones are not evaluated
             break
     if not found:
         return constant(context, node, both)
@@ -58,8 +58,7 @@ def _boolean(context: Context, node: ast.BoolOp) -> Value:
 
 
 def _one_of(context: Context, node: ast.BoolOp, both: bool) -> Value:
-    """Return numbers joined by `and` or `or` as the operand that decides; as a condition this is the same in
-    C."""
+    """Return the value of `and` (`both`) or `or` between numbers: as in Python, the operand that decides."""
     *firsts, last = node.values
     whole: ast.expr = last
     for one in reversed(firsts):
@@ -91,7 +90,7 @@ def _compare(context: Context, node: ast.Compare) -> Value:
 
 
 def _among(context: Context, node: ast.Compare) -> Value:
-    """Return the condition that a number is, or is not, in a tuple."""
+    """Return the condition that a number is in a tuple, or is not in it."""
     if len(node.ops) != 1 or not isinstance(node.comparators[0], ast.Tuple):
         raise context.source.error(node, f"the comparison {ast.unparse(node)!r} is outside the subset")
     tests = [ast.Compare(node.left, [ast.Eq()], [one]) for one in node.comparators[0].elts]
@@ -127,7 +126,7 @@ def _choice(context: Context, node: ast.IfExp) -> Value:
 
 
 def chosen(test: Value, yes: Value, no: Value) -> Value:
-    """Return the C conditional expression of two values of the same type, part by part for tuples."""
+    """Return the C conditional expression of two values of the same type; tuples are chosen part by part."""
     if yes.type is None:
         parts = (chosen(test, a, b) for a, b in zip(yes.parts, no.parts, strict=True))
         return Value("", None, parts=tuple(parts))
@@ -136,7 +135,7 @@ def chosen(test: Value, yes: Value, no: Value) -> Value:
 
 
 def _places(context: Context, kind: Any) -> Value:
-    """Return variables to be set in branches, for a value or each part of it."""
+    """Return new C variables for a value of this type, one per part of a tuple, to be set in branches."""
     if isinstance(kind, Tuple):
         return Value("", None, parts=tuple(_places(context, one) for one in kind.types))
     return Value(context.hoisted(kind), kind)

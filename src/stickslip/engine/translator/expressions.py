@@ -29,7 +29,7 @@ from .subset import (
 )
 
 NUMBERS = (REAL, INT, BOOL)
-FEW = 4  # numbers of a module that are written where they are used, and not as a table
+FEW = 4  # a constant tuple with more numbers becomes a table; a shorter one is written where it is used
 _OPERATORS = {ast.Add: ("+", SUM), ast.Sub: ("-", SUM), ast.Mult: ("*", PRODUCT), ast.Div: ("/", PRODUCT)}
 _DIVISIONS = {ast.FloorDiv: "floordiv", ast.Mod: "mod"}
 _BITS = {ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^", ast.LShift: "<<", ast.RShift: ">>"}
@@ -42,7 +42,8 @@ class LocalFunction(NamedTuple):
 
 
 class Context(Protocol):
-    """What the translation of an expression needs of the function around it."""
+    """Methods and data of the function around an expression that the translation of the expression needs;
+    `statements.FunctionBody` has them."""
 
     source: FunctionSource
     variables: dict[str, Any]
@@ -61,7 +62,7 @@ class Context(Protocol):
 
 
 def as_real(context: Context, node: ast.AST, value: Value) -> Value:
-    """Return the value as a real number."""
+    """Return the value converted to a real number; raise TranslationError if it is no number."""
     if value.type == REAL:
         return value
     if value.type in (INT, BOOL):
@@ -72,7 +73,7 @@ def as_real(context: Context, node: ast.AST, value: Value) -> Value:
 
 
 def as_bool(context: Context, node: ast.AST, value: Value) -> Value:
-    """Return the value as a condition: a number is true where it is not 0."""
+    """Return the value as a condition; a number is true if it is not 0, a table if it is not empty."""
     if value.type == BOOL:
         return value
     if value.type in (INT, REAL):
@@ -107,7 +108,8 @@ def expression(context: Context, node: ast.expr) -> Value:
 
 
 def constant(context: Context, node: ast.AST, value: Any) -> Value:
-    """Return the value of a number, boolean, table of numbers or record known at translation."""
+    """Return a Python object known during translation (number, boolean, tuple of numbers, record) as a C
+    value."""
     if isinstance(value, bool | np.bool_):
         return Value("true" if value else "false", BOOL, constant=bool(value))
     if isinstance(value, int | np.integer) and abs(value) < 2**31:
@@ -126,7 +128,7 @@ def constant(context: Context, node: ast.AST, value: Any) -> Value:
 
 
 def _table(context: Context, node: ast.AST, value: Any) -> Value:
-    """Return numbers of a module as a tuple if few, else as a table."""
+    """Return the numbers of a module as a tuple if there are at most `FEW`, otherwise as a table."""
     found = np.asarray(value, dtype=object)
     if found.size > ARRAY_LIMIT:
         raise context.source.error(node, f"{ast.unparse(node)} has more than {ARRAY_LIMIT} numbers")
@@ -137,7 +139,7 @@ def _table(context: Context, node: ast.AST, value: Any) -> Value:
 
 
 def outside(context: Context, node: ast.expr) -> Any:
-    """Return the object of a name outside the function, or of a module's attribute."""
+    """Return the Python object to which a name outside the function, or an attribute of a module, refers."""
     function = context.source.function
     if isinstance(node, ast.Attribute):
         owner = outside(context, node.value)
@@ -157,14 +159,14 @@ def outside(context: Context, node: ast.expr) -> Any:
 
 
 def identifier(context: Context, node: ast.AST, name: str) -> str:
-    """Return the C name of a variable."""
+    """Return the C name of a variable: the Python name, with an underscore if C reserves it."""
     if not name.isascii():
         raise context.source.error(node, f"the name {name} must be in ASCII, as C takes it")
     return f"{name}_" if name in KEYWORDS else name
 
 
 def variable(context: Context, node: ast.AST, name: str, kind: Any) -> Value:
-    """Return the value of a variable; for a tuple, of one variable per part."""
+    """Return the value of a variable of this type; a tuple is one C variable per part."""
     if isinstance(kind, Value):  # an alias of a table
         return kind
     text = identifier(context, node, name)
@@ -198,13 +200,14 @@ def _attribute(context: Context, node: ast.Attribute) -> Value:
     found = getattr(owner.type.record_class, node.attr, None)
     if isinstance(found, property) and found.fget is not None:
         return context.call(node, found.fget, [owner])
-    if isinstance(found, int | float | tuple):  # of the class
+    if isinstance(found, int | float | tuple):  # an attribute of the class
         return constant(context, node, found)
     raise context.source.error(node, f"{ast.unparse(node)} is no number, and no record or property either")
 
 
 def number(context: Context, node: ast.AST, value: Value) -> Value:
-    """Return a number for arithmetic: a boolean counts as 0 or 1."""
+    """Return a value as a number for arithmetic: a boolean counts as 0 or 1. Raise TranslationError if it is
+    neither."""
     if value.type not in NUMBERS:
         raise context.source.error(node, f"{ast.unparse(node)} is no number")
     return value._replace(type=INT) if value.type == BOOL and value.constant is None else value

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 def loop(body: FunctionBody, node: ast.stmt) -> bool | None:
-    """Translate a loop; return whether the code after it is unreachable, or None if the statement is no
-    loop."""
+    """Translate a loop, `break` or `continue`. Return True if the code after it is unreachable, False if not,
+    and None if the statement is none of these."""
     match node:
         case ast.Break() | ast.Continue():
             body.line("break;" if isinstance(node, ast.Break) else "continue;")
@@ -38,7 +38,7 @@ def _while(body: FunctionBody, node: ast.While) -> bool:
         return False
     if test.constant is None and not before:
         body.line(f"while ({test.text}) {{")
-    else:  # what the condition needs is computed in each round
+    else:  # the condition needs statements of its own, which must run in each iteration
         body.line("for (;;) {")
         body.depth += 1
         body.lines(before)
@@ -51,7 +51,7 @@ def _while(body: FunctionBody, node: ast.While) -> bool:
 
 
 def _breaks(statements: list[ast.stmt]) -> bool:
-    """Return whether one of the statements leaves the loop around it."""
+    """Return True if one of the statements, also within an `if`, leaves the loop around them."""
     for one in statements:
         if isinstance(one, ast.Break):
             return True
@@ -82,15 +82,15 @@ def _for(body: FunctionBody, node: ast.For) -> None:
 
 
 def _called(body: FunctionBody, node: ast.expr) -> Any:
-    """Return the function that a call names, or None."""
+    """Return the Python function that an expression calls by a name; None for any other expression."""
     if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
         return None
     return None if node.func.id in body.variables else outside(body, node.func)
 
 
 def _rows(body: FunctionBody, node: ast.expr) -> tuple[int, Callable[[Value], Value]]:
-    """Return the number of iterations of a loop, and a function that gives the value at an iteration's
-    index."""
+    """Return the number of iterations of a loop over a tuple, `zip` or `enumerate`, and a function from the C
+    index to the value of that iteration."""
     function = _called(body, node)
     if function is zip or function is enumerate:
         assert isinstance(node, ast.Call)
@@ -133,7 +133,16 @@ def _range(body: FunctionBody, node: ast.For, call: ast.Call) -> None:
 def _counted(
     body: FunctionBody, node: ast.For, target: ast.Name, first: str, end: str, step: int, inside: int
 ) -> None:
-    """Translate a loop over whole numbers; its name is a separate variable if it is set or used elsewhere."""
+    """Translate a loop over integers. The C counter is the Python name itself, or a separate variable if that
+    name is also used elsewhere.
+
+    Args:
+        body, node, target: function, loop, and name of the counter.
+        first: C text of the first value.
+        end: C text of the comparison that continues the loop, such as "< 5".
+        step: increment.
+        inside: upper bound of the counter if known and the counter is never negative; else 0.
+    """
     name = target.id
     by = {1: "++{0}", -1: "--{0}"}.get(step, f"{{0}} += {step}" if step > 0 else f"{{0}} -= {-step}")
     own = name not in body.variables and _only_in(body, node, name)
@@ -153,15 +162,15 @@ def _counted(
 
 
 def _only_in(body: FunctionBody, node: ast.For, name: str) -> bool:
-    """Return whether a name is set by this loop alone, and not used outside of it."""
+    """Return True if a name is set only by this loop, and used only inside the loop."""
     inside = {id(n) for n in ast.walk(node)}
     seen = [n for n in ast.walk(body.source.tree) if isinstance(n, ast.Name) and n.id == name]
     return body.stores.count(name) == 1 and all(id(n) in inside for n in seen)
 
 
 def _column(body: FunctionBody, node: ast.expr, of: Value) -> Callable[[Value], Value]:
-    """Return a function that gives an element of a tuple by index: from a table, or from tables of the parts
-    of its parts."""
+    """Return a function from a C index to the element of a tuple, which is written as a table; a tuple of
+    tuples becomes one table per part."""
     if isinstance(of.type, Array):
         return lambda counter: Value(f"{of.text}[{counter.text}]", REAL)
     if all(kind_of(part) in NUMBERS for part in of.parts):

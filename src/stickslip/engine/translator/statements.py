@@ -40,13 +40,14 @@ if TYPE_CHECKING:
     from .translation import Translation
 
 CHECK = ("check",)
-RESULT = "return"  # name of the result among those of variables
+RESULT = "return"  # key of the result's type among the types of variables; no variable has this name
 _TEXT = "const char *"
-_UNSET = {REAL: "R(NAN)", INT: "0", BOOL: "false"}  # of a variable before a branch sets it
+_UNSET = {REAL: "R(NAN)", INT: "0", BOOL: "false"}  # C initial value of a variable before a branch sets it
 
 
 class FunctionBody:
-    """Translation of one function: its statements, and what `expressions.Context` needs."""
+    """Translation of one function: it translates the statements, and is the `expressions.Context` of their
+    expressions."""
 
     def __init__(
         self,
@@ -66,11 +67,11 @@ class FunctionBody:
         self._result: Any = None
         self._name = ""
         self._lines: list[str] = []
-        self.declared: dict[str, Any] = {}  # of variables that are first set inside a branch
+        self.declared: dict[str, Any] = {}  # types of variables that are first set inside a branch
         self._temporaries = 0
 
     def translated(self, name: str) -> tuple[Any, str]:
-        """Return the type of the result, and the function in C."""
+        """Translate the function; return the type of its result, and its C source with this name."""
         tree, self._name = self.source.tree, name
         arguments = tree.args
         if (
@@ -102,7 +103,7 @@ class FunctionBody:
         return self._result, "\n".join(body)
 
     def _parameter(self, argument: ast.arg, kind: Any) -> list[tuple[str, str]]:
-        """Return name and declaration of a parameter in C; several for a tuple."""
+        """Return pairs of C name and C declaration of a parameter: one pair, or one per part of a tuple."""
         name = argument.arg
         if kind in NUMBERS:
             kind = joined(kind, self.types.get(name)) if name in self.types else kind
@@ -126,24 +127,26 @@ class FunctionBody:
         where = f"{self.source.where}.{self.source.name}"
         return f"/* {where}{': ' + ascii_text if text else ''} */"
 
-    # The interface for expressions.
+    # Methods of `expressions.Context`, which the translation of expressions calls.
 
     def line(self, text: str) -> None:
-        """Write a line at the present depth."""
+        """Write a line of C at the present indentation."""
         self._lines.append("    " * self.depth + text)
 
     def lines(self, texts: list[str]) -> None:
-        """Write lines that were captured, or start at the present depth."""
+        """Write several lines of C at the present indentation."""
         for text in texts:
             self.line(text)
 
     def captured(self, node: ast.expr) -> tuple[Value, list[str]]:
-        """Return an expression, and the lines that must precede it, not yet written."""
+        """Return the value of an expression, and the C lines that must precede it; the lines are not yet
+        written."""
         value, before = self.capturing(lambda: expression(self, node))
         return value, before
 
     def capturing(self, what: Any) -> tuple[Any, list[str]]:
-        """Call `what` and return its result, and the lines that it writes, not indented."""
+        """Call `what` without arguments; return its result, and the C lines that it writes, without
+        indentation."""
         lines, depth = self._lines, self.depth
         self._lines, self.depth = [], 0
         try:
@@ -152,7 +155,7 @@ class FunctionBody:
             self._lines, self.depth = lines, depth
 
     def use(self, record: Record) -> None:
-        """Declare a record's struct."""
+        """Declare the C struct of a record type."""
         self.translation.record(record)
 
     def table(self, name: str, numbers: tuple[float, ...]) -> str:
@@ -164,7 +167,8 @@ class FunctionBody:
         return f"made_{self._temporaries}"
 
     def temporary(self, c_type: Any, text: str) -> str:
-        """Return a new variable with this value, declared here; at most one branch uses it."""
+        """Declare a new C variable with the value `text`, and return its name; the variable is only valid in
+        this block."""
         name = self._new()
         if isinstance(c_type, Array):
             self.line(f"const real_t {name}[{c_type.length}] = {text};")
@@ -173,13 +177,14 @@ class FunctionBody:
         return name
 
     def hoisted(self, c_type: Any) -> str:
-        """Return a variable that is declared at the top of the function, to be set in branches."""
+        """Declare a new C variable at the top of the function, and return its name, so that branches can set
+        it."""
         name = self._new()
         self.declared[name] = c_type
         return name
 
     def call(self, node: ast.AST, function: Any, arguments: list[Value]) -> Value:
-        """Return a call of another function, whose source is translated too."""
+        """Return the value of a call of another function, which is translated, too."""
         if isinstance(function, LocalFunction):
             function, arguments = self._closed(node, function, arguments)
         kinds = tuple(kind_of(value) for value in arguments)
@@ -196,7 +201,8 @@ class FunctionBody:
     def _closed(
         self, node: ast.AST, function: LocalFunction, arguments: list[Value]
     ) -> tuple[LocalFunction, list[Value]]:
-        """Return a local function with the variables around it, as they are now, as further arguments."""
+        """Return a local function with the variables that it uses from around it as further arguments, and
+        the values of all arguments at the call."""
         tree = function.source.tree
         if len(tree.args.args) != len(arguments):
             raise self.source.error(node, f"{ast.unparse(node)!r} does not fit the function's arguments")
@@ -208,7 +214,7 @@ class FunctionBody:
         values = [variable(self, node, name, kind) for name, kind in taken.items()]
         return LocalFunction(function.source._replace(tree=made)), [*arguments, *values]
 
-    # Statements. Each says whether it returns on every path.
+    # Translation of statements. Each method returns True if the statement leaves the block on every path.
 
     def _block(self, statements: list[ast.stmt]) -> bool:
         # code after a return is unreachable
@@ -257,7 +263,7 @@ class FunctionBody:
         return found
 
     def _message(self, node: ast.expr) -> str:
-        """Return the text of an error, without the values that it would contain."""
+        """Return an error message as a C string; values that Python would insert become "..."."""
         owner = next((kind.record_class.__name__ for kind in self.kinds if isinstance(kind, Record)), "")
         words = []
         for part in node.values if isinstance(node, ast.JoinedStr) else [node]:
@@ -269,7 +275,7 @@ class FunctionBody:
         return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
     def set(self, node: ast.AST, name: str, value: Value) -> None:
-        """Assign a value to a variable, which is declared if it is new."""
+        """Assign a value to a variable; a new variable is declared."""
         set_variable(self, node, name, value)
 
     def _if(self, node: ast.If) -> bool:
@@ -292,7 +298,7 @@ class FunctionBody:
         return yes and no
 
     def indented(self, statements: list[ast.stmt]) -> bool:
-        """Translate a block one level deeper; return whether it returns on every path."""
+        """Translate a block one level deeper; return True if it leaves the block on every path."""
         self.depth += 1
         try:
             return self._block(statements)
@@ -320,7 +326,7 @@ class FunctionBody:
         self._result = value.type
 
     def _expect(self, node: ast.AST, kind: Any) -> Any:
-        """Return the type of the result, wide enough for all return statements."""
+        """Return the type of the function's result that is wide enough for this and all previous returns."""
         known = self.types.get(RESULT)
         before = self._result
         if isinstance(before, Pair):
@@ -334,7 +340,7 @@ class FunctionBody:
 
 
 def _stores(tree: ast.FunctionDef) -> list[str]:
-    """Return the names that a function sets, each as often as it does, without those of inner functions."""
+    """Return the names to which a function assigns, once per assignment, without those of inner functions."""
     found: list[str] = []
     pending: list[ast.AST] = list(tree.body)
     while pending:
@@ -347,7 +353,7 @@ def _stores(tree: ast.FunctionDef) -> list[str]:
 
 
 def _handed(value: Value) -> list[str]:
-    """Return the arguments of a call in C: the address of a record, all parts of a tuple."""
+    """Return the C texts of one argument in a call: the address of a record, or all parts of a tuple."""
     if value.type is None:
         return [text for part in value.parts for text in _handed(part)]
     return [f"&{value.text}" if isinstance(value.type, Record) and not value.pointer else value.text]

@@ -1,6 +1,6 @@
-"""Types of the subset of Python that is translated to C, values with their C text, refusals.
+"""Types of the subset of Python that is translated to C, values with their C text, and error messages.
 
-The subset: arithmetic, comparisons and conditionals of numbers, truths and tuples; ``while``, and ``for``
+The subset: arithmetic, comparisons and conditionals of numbers, booleans and tuples; ``while``, and ``for``
 over ranges, tuples, ``zip`` and ``enumerate``; functions of ``math`` and their namesakes in NumPy; fields of
 records (named tuples), their properties, methods and ``_replace``; other such functions, also local ones. See
 docs/decisions/export.md.
@@ -17,9 +17,9 @@ from typing import Any, NamedTuple, get_type_hints
 
 REAL, INT, BOOL = "real_t", "int64_t", "bool"
 _ORDER = {BOOL: 0, INT: 1, REAL: 2}
-# Precedence of C operators, as far as they are used; a lower number binds stronger.
+# Precedence of the C operators that occur; a lower number binds more strongly.
 ATOM, UNARY, PRODUCT, SUM, COMPARISON, AND, OR, CHOICE = range(8)
-ARRAY_LIMIT = 4096  # most numbers of a table that is written into the C; larger ones belong into a parameter
+ARRAY_LIMIT = 4096  # largest number of entries in a table of constants that is written into the C source
 
 _KEYWORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long
@@ -30,11 +30,13 @@ KEYWORDS = frozenset(_KEYWORDS.split())
 
 
 class TranslationError(ValueError):
-    """A function that cannot be translated to C; names the function, its file and the line."""
+    """Error: a function cannot be translated to C; the message names the function, its module and the
+    line."""
 
 
 class Record(NamedTuple):
-    """Type of a record; `fields` are the types of those that C sees (no text, nothing optional)."""
+    """Type of a record. `fields` are pairs of name and type of the fields that C contains: no text, nothing
+    optional."""
 
     record_class: type
     fields: tuple[tuple[str, Any], ...]
@@ -46,19 +48,19 @@ class Record(NamedTuple):
 
 
 class Array(NamedTuple):
-    """Type of a field, or of a table of a module, that holds several numbers."""
+    """Type of a field, or of a constant table of a module, with `length` real numbers."""
 
     length: int
 
 
 class Tuple(NamedTuple):
-    """Type of a tuple with a C variable for each part."""
+    """Type of a tuple, which is one C variable per part."""
 
     types: tuple[Any, ...]
 
 
 class Pair(NamedTuple):
-    """Type of a tuple that a function returns, with the names of its struct and members in C."""
+    """Type of a tuple that a function returns: a C struct with its name, members and their types."""
 
     c_name: str
     members: tuple[str, ...]
@@ -66,8 +68,17 @@ class Pair(NamedTuple):
 
 
 class Value(NamedTuple):
-    """An expression: its C text, type and precedence; its constant, if known now; whether it is a pointer;
-    the parts of a tuple; an upper bound of a whole number that is never negative (a loop's counter)."""
+    """A translated expression.
+
+    Attributes:
+        text: its C text.
+        type: its type; None for a tuple.
+        level: precedence of its outermost operator.
+        constant: its value, if known during translation.
+        pointer: True if the C text is a pointer to a record.
+        parts: values of the parts of a tuple.
+        below: upper bound of an integer that is never negative, such as the counter of a loop; 0: unknown.
+    """
 
     text: str
     type: Any
@@ -83,7 +94,8 @@ class Value(NamedTuple):
 
 
 class FunctionSource(NamedTuple):
-    """A Python function as the translator reads it; `outer` is the one around it, of a local function."""
+    """A Python function as the translator reads it: its name, its module `where`, its first line in the file,
+    and its syntax tree."""
 
     function: Callable[..., Any]
     name: str
@@ -92,19 +104,19 @@ class FunctionSource(NamedTuple):
     tree: ast.FunctionDef
 
     def error(self, node: ast.AST | None, what: str) -> TranslationError:
-        """Return an error that says what is wrong in which line."""
+        """Return an error that names this function, the line of `node`, and the problem `what`."""
         line = self.first_line + getattr(node, "lineno", 1) - 1
         return TranslationError(f"{self.name} ({self.where}, line {line}) cannot be translated to C: {what}")
 
     def local(self, tree: ast.FunctionDef | ast.Lambda, name: str) -> FunctionSource:
-        """Return a function that is defined inside this one."""
+        """Return a function or lambda that is defined inside this one, under a combined name."""
         made = with_arguments(tree, []) if isinstance(tree, ast.Lambda) else tree
         return self._replace(name=f"{self.name}_{name}", tree=made)
 
 
 def with_arguments(tree: ast.FunctionDef | ast.Lambda, names: list[str]) -> ast.FunctionDef:
-    """Return the function with further arguments, without defaults; a lambda becomes a function that returns
-    its value."""
+    """Return the syntax tree of a function with further arguments `names`, without defaults; a lambda becomes
+    a function that returns its value."""
     made = ast.parse("def unnamed(): ...").body[0]
     assert isinstance(made, ast.FunctionDef)
     made.args, made.lineno = tree.args, tree.lineno
@@ -134,7 +146,7 @@ def source_of(function: Callable[..., Any]) -> FunctionSource:
         ) from None
     made = FunctionSource(plain, name, where, first, tree)  # type: ignore[arg-type]
     lambdas = [one for one in ast.walk(tree) if isinstance(one, ast.Lambda)] if name == "<lambda>" else []
-    if len(lambdas) == 1:  # of several in one statement it is not known which
+    if len(lambdas) == 1:  # of several lambdas in one statement, it is unknown which is meant
         return made.local(lambdas[0], "lambda")._replace(name="unnamed")
     if not isinstance(tree, ast.FunctionDef):
         raise made.error(
@@ -146,7 +158,7 @@ def source_of(function: Callable[..., Any]) -> FunctionSource:
 
 
 def record_type(record: Any) -> Record:
-    """Return the type of a record, inferred from one instance: tuples have its lengths, text and None are
+    """Return the type of a record, inferred from one instance: tuples have its lengths; text and None are
     left out."""
     found = []
     annotations = _annotations(type(record))
@@ -173,7 +185,7 @@ def _annotations(record_class: type) -> dict[str, Any]:
 
 
 def joined(one: Any, other: Any) -> Any:
-    """Return the type that can hold values of both types, or None."""
+    """Return the narrowest type that can hold values of both types; None if there is none."""
     if one is None or one == other:
         return other
     if one in _ORDER and other in _ORDER:
@@ -185,12 +197,12 @@ def joined(one: Any, other: Any) -> Any:
 
 
 def kind_of(value: Value) -> Any:
-    """Return the type of a value; for a tuple, made of the types of its parts."""
+    """Return the type of a value; for a tuple, a `Tuple` of the types of its parts."""
     return Tuple(tuple(kind_of(part) for part in value.parts)) if value.type is None else value.type
 
 
 def real(value: float) -> str:
-    """Return a number as C source."""
+    """Return a number as a C literal of the engine's real type, such as "R(1.5)"."""
     number = float(value)
     if number != number:
         return "R(NAN)"

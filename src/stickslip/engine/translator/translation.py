@@ -18,8 +18,10 @@ from .subset import Array, Pair, Record, real, source_of
 class Translation:
     """C source of some functions and of all that they call: `text()` after calling `function` for each.
 
-    `dispatched` gives the implementation of a function for the record that is its first argument, or None if
-    one serves all records.
+    Args:
+        dispatched: function of a Python function and a record class that returns the implementation for this
+            class; None if one implementation serves all records. By default, no function depends on the
+            class.
     """
 
     def __init__(
@@ -36,7 +38,7 @@ class Translation:
         self._open: list[Any] = []
 
     def record(self, record: Record) -> str:
-        """Return the C name of a record's struct, which is declared."""
+        """Declare the C struct of a record type, and of the records in it; return its name."""
         for _, kind in record.fields:
             if isinstance(kind, Record):
                 self.record(kind)
@@ -48,7 +50,7 @@ class Translation:
     def function(
         self, function: Any, kinds: tuple[Any, ...], members: tuple[str, ...] = ()
     ) -> tuple[str, Any]:
-        """Return the C name, and the type of the result, of a function called with arguments of these types.
+        """Translate a function for arguments of given types; return its C name and the type of its result.
 
         Args:
             function: the Python function.
@@ -82,8 +84,8 @@ class Translation:
     def _translated(
         self, source: Any, kinds: tuple[Any, ...], members: tuple[str, ...], name: str
     ) -> tuple[Any, str]:
-        """Return the type of the result and the C source; starts again where a variable needs a wider
-        type."""
+        """Return the type of the result and the C source of a function; if a variable needs a wider type than
+        it had first, translate again with that type."""
         types: dict[str, Any] = {}
         while True:
             try:
@@ -92,30 +94,32 @@ class Translation:
                 types[wider.name] = wider.kind
 
     def check(self, function: Callable[..., Any], kind: Record) -> str:
-        """Return the C name of a record's ``_check``, translated to return the text of the error instead of
-        raising it."""
+        """Translate the method `_check` of a record, and return its C name. The C function returns the text
+        of the error, or NULL, instead of raising it."""
         name, _ = self.function(function, (kind,), CHECK)
         return name
 
     def pair(self, name: str, kinds: tuple[Any, ...], members: tuple[str, ...]) -> Pair:
-        """Return the struct for a tuple that a function returns."""
+        """Declare the C struct for a tuple that the function `name` returns."""
         members = members if len(members) == len(kinds) else tuple(f"part_{i}" for i in range(len(kinds)))
         self._pairs[name] = Pair(f"{name}_result", members, kinds)
         return self._pairs[name]
 
     def table(self, name: str, numbers: tuple[float, ...]) -> str:
-        """Return the C name of a table of numbers."""
+        """Declare a constant C table of numbers, once for equal numbers; return its C name, which contains
+        `name`."""
         word = "".join(c if c.isalnum() and c.isascii() else "_" for c in name)
         return self._tables.setdefault(numbers, f"ss_table_{len(self._tables)}_{word}")
 
     def kept(self, key: Any, make: Callable[[], Any]) -> Any:
-        """Return the object made for a key, made at most once: each local function is translated once."""
+        """Return the object for a key; `make` is called only the first time, so that each local function is
+        translated once."""
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
 
     def c_type(self, kind: Any) -> str:
-        """Return the C declaration of a type."""
+        """Return the C name of a type."""
         return kind.c_name if isinstance(kind, Record | Pair) else str(kind)
 
     def text(self) -> str:
