@@ -1,4 +1,5 @@
-"""Checks of the end-effector's position in a recording of a walk, and parameters of its channel."""
+"""Checks of the end-effector's position in a recording of a walk, and the channel's parameters (delay,
+offset)."""
 
 from __future__ import annotations
 
@@ -23,16 +24,21 @@ if TYPE_CHECKING:
     import xarray as xr
 
 OBSERVED = "end_effector_position"
-# Parameters of the channel, not of the actuator.
+# Fit parameters of the position channel: delay [s] and offset [m or rad].
 CHANNEL = ("delay", "offset")
-# Largest delay that is searched, relative to the shortest recording.
+# Default bound of the delay's magnitude, relative to the duration of the shortest recording.
 LONGEST_DELAY = 0.02
 # Fewest samples in a period of the stage's vibration; with fewer, slips are not resolved.
 FEWEST_SAMPLES = 1.5
 
 
 def walked(recording: xr.Dataset, drive: Waveform | None, where: str) -> NDArray[np.float64]:
-    """Return the positions of a walk, m, shape (n,).
+    """Return the measured positions of a walk, m (rad), shape (n,), after checks.
+
+    Args:
+        recording: dataset with "time" [s] and end_effector_position.
+        drive: waveform of the drive, for the check of the sampling; None: as recorded.
+        where: name of the recording for messages.
 
     Raises:
         RecordingError: the positions are missing, empty, constant, clipped, too few or too coarsely sampled.
@@ -44,8 +50,11 @@ def walked(recording: xr.Dataset, drive: Waveform | None, where: str) -> NDArray
 
 
 def warn_of_unseen_slips(recording: xr.Dataset, model: Actuator, where: str) -> None:
-    """Warn if a walk is sampled so coarsely that several sets of values fit; the intervals contain only one
-    of them."""
+    """Warn (RecordingWarning) if a walk has fewer than `FEWEST_SAMPLES` samples in a period of the stage's
+    vibration.
+
+    Then several sets of values fit, but the intervals contain only one of them. `where` names the recording.
+    """
     period = 2.0 * math.pi / model.natural_frequency
     interval = float(np.median(np.diff(recording["time"].values)))
     if 0.0 < period < FEWEST_SAMPLES * interval:
@@ -61,8 +70,8 @@ def warn_of_unseen_slips(recording: xr.Dataset, model: Actuator, where: str) -> 
 def of_channel(
     name: str, recordings: Sequence[xr.Dataset], bounds: Bounds, begin: Mapping[str, float]
 ) -> Parameter:
-    """Return one of `CHANNEL` as a parameter of a fit to all recordings; its initial value is in `begin`,
-    else 0."""
+    """Return "delay" or "offset" as a fit parameter with bounds for all recordings, given or by default; its
+    initial value is in `begin` by name, otherwise 0."""
     if name == "delay":
         reach = LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in recordings)
         return linear(name, "s", begin.get(name, 0.0), (-reach, reach), bounds)

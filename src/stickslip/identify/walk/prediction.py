@@ -1,4 +1,4 @@
-"""Prediction of a position channel by a fit or by given values."""
+"""Prediction of a recorded position by a simulation with fitted or given values of the actuator."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .position_channel import OBSERVED
 if TYPE_CHECKING:
     import xarray as xr
 
-# Tolerance of a simulation that is compared with a recording: far below any noise.
+# Error tolerance [m] of simulations that are compared with a recording: far below any noise.
 TOLERANCE = SIMULATED
 
 
 @record
 class Predictor(NamedTuple):
-    """An actuator with given values, and the chain of instruments to its position channel; `tolerance` [m] of
-    the simulations."""
+    """A model that predicts recordings: an actuator, and the chain of instruments (slew rate of the drive,
+    delay and offset of the position); `tolerance` is the error tolerance of simulations, m."""
 
     model: Actuator
     chain: Chain = Chain()
@@ -39,13 +39,14 @@ class Predictor(NamedTuple):
     def of(
         cls, model: Actuator, values: Values, slew_rate: float | None, tolerance: float = TOLERANCE
     ) -> Predictor:
-        """Return the predictor with the values of a fit, including delay and offset of the channel."""
+        """Return the predictor of a model, with delay [s] and offset [m] of the channel from the fitted
+        `values` by name (0 if absent), and the slew rate of recorded jumps, V/s (None: instantaneous)."""
         delay, offset = values.get("delay", 0.0), values.get("offset", 0.0)
         return cls(model, Chain(delay, offset, slew_rate=slew_rate or math.inf), tolerance)
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> NDArray:
-        """Return the predicted position at the recording's samples, m, shape (n,). Without `drive`, the
-        channel drive_voltage is used.
+        """Return the predicted position at the recording's samples, m, shape (n,). `drive` is a waveform in
+        the recording's time; without it, the channel drive_voltage is used.
 
         Raises:
             RecordingError: the motion cannot be simulated.

@@ -1,7 +1,7 @@
-"""Test whether recordings show the reaction of the friction on the stage, if the model leaves it out
+"""Test whether recordings show that friction acts back on the stage, if the model leaves this reaction out
 [kang2007, 3.4].
 
-A real stage has this reaction. A model without it compensates by other values of the contact, which may
+A real stage has this reaction. A model without it has a minimum at wrong values of the contact, which may
 describe one walk nearly as well.
 """
 
@@ -17,22 +17,25 @@ from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from .walks import NEAR, Walks
 
-# Difference of chi-squared at which one of two models with equally many parameters is clearly better: odds of
-# e^5 to 1.
+# Difference of chi-squared above which one of two models with equally many parameters is clearly better:
+# odds of e^5 to 1.
 CLEAR = 10.0
-# Smallest useful reduction per step; a search with smaller ones ends, because it follows an undetermined
-# value.
+# Smallest reduction of chi-squared by a search step. With smaller ones the search ends, because it only
+# follows a value that the recordings do not determine.
 SLOW = 1e-3 * CLEAR
 
 
 def with_reaction(fit: Fit, walks: Walks, max_evaluations: int) -> Fit | None:
-    """Return the fit with the reaction, starting from the fit without it; None if the model has it already,
-    or cannot be simulated with it."""
+    """Return the fit of the same parameters with the reaction of friction on the stage, starting at the
+    values of `fit`; None if the model has the reaction already, has no dynamic stage that can move, or cannot
+    be fitted with it."""
     model = walks.model
     if model.stage_reaction or model.static or model.clamped:
         return None
-    # In logarithms from distant values: along straightened minima 5 of 60 such searches did not end, this way
-    # 2. They continue to their end, because a model that is far worse after a few evaluations may end better.
+    # power = 0: the search uses logarithms of the values, with which more searches from distant values
+    # converge
+    # than with the powers that straighten minima. It is not stopped early, because a model that is far worse
+    # after a few evaluations may end better.
     start = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
     reacting = replace(walks, model=model.replace(stage_reaction=True))
     tolerance = SLOW / fit.degrees_of_freedom
@@ -43,8 +46,15 @@ def with_reaction(fit: Fit, walks: Walks, max_evaluations: int) -> Fit | None:
 
 
 def with_reaction_asked(fit: Fit, other: Fit | None) -> Fit:
-    """Return the fit with a sentence on the test of the reaction: a doubt if the reaction describes the
-    recordings better; a remark if the recordings do not decide and a value would be outside its interval."""
+    """Return the fit with the result of the test of the reaction.
+
+    The fit gets a doubt if the reaction describes the recordings clearly better. It gets a remark if neither
+    model is clearly better and a value with the reaction is outside its interval. Otherwise it is unchanged.
+
+    Args:
+        fit: fit without the reaction.
+        other: fit with the reaction, from `with_reaction`; None: not tested.
+    """
     if other is None:
         return fit
     left = np.concatenate(other.residuals)
@@ -72,8 +82,8 @@ def with_reaction_asked(fit: Fit, other: Fit | None) -> Fit:
 
 
 def difference(fit: Fit, other: Fit) -> float:
-    """Return the difference of chi-squared of two fits, each at its minimum rather than at a mean over all
-    that fit."""
-    if math.isnan(fit.log_likelihood):  # the loss is robust
+    """Return by how much chi-squared is lower in `other` than in `fit`, from their likelihoods or, with a
+    robust loss, from their costs."""
+    if math.isnan(fit.log_likelihood):  # a fit with a robust loss has no likelihood
         return other.n_data * math.log(fit.cost / other.cost)
     return 2.0 * (other.log_likelihood - fit.log_likelihood)

@@ -1,4 +1,4 @@
-"""Searches for the friction of a walk from several initial guesses: the given model, and others."""
+"""Searches for the friction parameters of walks from several initial guesses."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .first_guess import beside
 from .position_channel import CHANNEL
 from .walks import Walks
 
-# Powers of the parameters in which the search runs: walks are more nearly linear in forces and compliances
-# than in logarithms.
+# Exponents by unit: a search uses this power of a parameter as its coordinate, because the positions of walks
+# are more nearly linear in forces, dampings and compliances (1 / stiffness) than in logarithms.
 POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
 POWERS |= {ANGLE.unit(unit): power for unit, power in POWERS.items()}
-# Assumed largest fall of chi-squared from the point where a search was stopped to its end.
+# Assumed largest reduction of chi-squared that a stopped search would still reach if it were completed.
 MAX_FALL = 20.0
 
 
@@ -31,14 +31,15 @@ def from_points(
     given: Container[str],
     max_evaluations: int,
 ) -> Fit:
-    """Return the best fit of searches from several points; see `from_several`.
+    """Return the best fit of searches from several initial guesses: short searches from all, completed for
+    the best.
 
     Args:
         walks: recordings to describe.
-        parameters: with bounds wide enough for all points.
-        begins: initial guesses, the user's first.
-        given: names whose bounds are the user's; others get bounds about the ends of the searches.
-        max_evaluations: limit for each search.
+        parameters: parameters with bounds wide enough for all guesses.
+        begins: initial guesses by name, the user's first.
+        given: names whose bounds are the user's; the other bounds are set about the ends of the searches.
+        max_evaluations: largest number of evaluations of each search.
     """
     looked: list[Fit] = []
 
@@ -61,10 +62,11 @@ def from_points(
             there = straightened(within, fit.values)
             return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations), enough)
 
-        # If a value is undetermined, the search follows a long flat minimum; `integrated` does that better.
+        # If a value is undetermined, the search would follow a long flat minimum. It is stopped there, and
+        # `integrated` averages over this minimum later.
         found = [end(fit, _lost(fit)) for fit in kept]
         best = min(found, key=lambda fit: fit.cost)
-        if not _lost(best):  # the intervals include an equally good solution only after its search has ended
+        if not _lost(best):  # intervals can include another equally good minimum only after its search ended
             found = [end(fit, not (_lost(fit) and likely(fit, best))) for fit in found]
         return [replace(fit, parameters=tuple(straightened(within, fit.values))) for fit in found]
 
@@ -76,13 +78,14 @@ def _lost(fit: Fit) -> bool:
 
 
 def likely(look: Fit, fit: Fit) -> bool:
-    """Return whether a stopped search may end at a minimum that the noise does not reject against a fit."""
+    """Return True if the stopped search `look`, once completed, may have a minimum that fits as well as `fit`
+    within the noise."""
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
     return variance > 0.0 and still_fits((look.cost - fit.cost) / variance - MAX_FALL, len(fit.parameters))
 
 
 def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:
-    """Return the parameters with bounds that include the end of another search."""
+    """Return the parameters with bounds that also include the values of a fit, the end of another search."""
     return [
         p._replace(lower=min(p.lower, fit.values[p.name]), upper=max(p.upper, fit.values[p.name]))
         for p in parameters
@@ -90,7 +93,8 @@ def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:
 
 
 def straightened(parameters: Sequence[Parameter], values: Values) -> list[Parameter]:
-    """Return the parameters with these initial values and with the powers that straighten curved minima."""
+    """Return the parameters with these initial values and with the powers in `POWERS` as search coordinates,
+    along which curved minima are straighter; parameters on a linear scale keep that scale."""
     return [
         p.starting_at(values[p.name])._replace(power=POWERS.get(p.unit, 0) if p.log else 0)
         for p in parameters

@@ -1,7 +1,7 @@
-r"""Pohl's static model of walks [pohl1987; kang2007, eq. 1.1]: the piezo moves by D times the voltage.
+r"""Pohl's static model of walks [pohl1987; kang2007, eq. 1.1]: the piezo moves by a gain D times the voltage.
 
-The end-effector follows all slow motion of the piezo and stays behind in all fast motion, whatever the
-friction: :math:`x = D\,w(t)`, where w is the voltage without its jumps.
+The end-effector follows all slow motion of the piezo and does not move in all fast motion, whatever the
+friction: :math:`x = D\,w(t)`, where w is the drive voltage without its jumps and fast flanks.
 """
 
 from __future__ import annotations
@@ -29,15 +29,16 @@ from .position_channel import CHANNEL, OBSERVED, of_channel
 if TYPE_CHECKING:
     import xarray as xr
 
-# A segment counts as fast if the voltage changes this many times faster than usual.
+# A segment of the drive counts as fast if its mean slope exceeds the usual slope (the median over the time in
+# which the voltage changes) by this factor.
 FAST = 10.0
 
 Array = NDArray[np.float64]
 
 
 def slow_part(drive: Drive, end: float) -> Callable[[Array], Array]:
-    """Return a function of time [s], up to `end`, for the voltage without its jumps and fast flanks; it is 0
-    at t = 0."""
+    """Return a function of sample times [s], shape (n,), up to `end` [s], that returns the drive voltage
+    without its jumps and fast flanks, V; it is 0 for t < 0 and does not jump at t = 0."""
     ends = np.append(drive.start[1:], max(end, float(drive.start[-1])))
     first = np.array([value_at(drive, i, t)[0] for i, t in enumerate(drive.start)])
     last = np.array([value_at(drive, i, t)[0] for i, t in enumerate(ends)])
@@ -76,6 +77,9 @@ def identify_static_walk(
         drive, slew_rate: as for `identify_friction`.
         bounds: bounds of gain, delay and offset, in SI.
 
+    Returns:
+        The fit, which can predict recordings, but has no actuator as `model`.
+
     Raises:
         RecordingError: a channel is missing, too short or constant.
     """
@@ -103,13 +107,15 @@ def identify_static_walk(
 
 
 class StaticPrediction(NamedTuple):
-    """Prediction of a walk by the fitted static model; `slew_rate` as for `identify_static_walk`."""
+    """Prediction of a walk by the static model with the fitted `values` (gain, delay, offset); `slew_rate`
+    [V/s] of recorded jumps as for `identify_static_walk`."""
 
     values: Values
     slew_rate: float | None
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
-        """Return the position at the recording's samples, m, shape (n,)."""
+        """Return the predicted position at the recording's samples, m, shape (n,); `drive` is a waveform, or
+        None for the recorded drive."""
         return _walk(recording, drive, names_of([recording])[0], self.slew_rate)(self.values)
 
 

@@ -1,5 +1,5 @@
-"""Terms that a model of a walk may lack: the parameters of each, and small changes of the model that show its
-effect."""
+"""Terms that a model of a walk may lack (such as viscous friction): the parameters of each term, and small
+changes of the model that show the effect of the term."""
 
 from __future__ import annotations
 
@@ -29,24 +29,27 @@ REACTION = "friction that acts back on the stage"
 NO_REACTION = "a stage so stiff that friction does not move it"
 STAGE = "a stage with other values than the given ones"
 
-# Stribeck velocities, relative to the model's, at which a Stribeck curve is searched.
+# Stribeck velocities, relative to the model's, at which a Stribeck curve is tried.
 STRIBECK_VELOCITIES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
-# Spacing of the tried numbers of waves of a ripple along the whole way, and their largest number.
+# Numbers of waves of a ripple over the walked range that are tried: their spacing, and the largest.
 WAVES_STEP, MOST_WAVES = 0.5, 8.0
-# Largest viscous friction at the fastest motion, relative to the force of the contact.
+# Bound of the viscous friction force at the fastest motion, relative to the Coulomb force of the contact.
 MOST_VISCOUS = 30.0
-# Largest change of the normal force over the whole way, and between directions.
+# Bound of the change of the normal force over the walked range, by a ripple, or between directions, relative
+# to the normal force.
 MOST_CHANGE = 0.9
 
 Array = NDArray[np.float64]
 
 
 class Way(NamedTuple):
-    """One variant of a missing term.
+    """One variant of a missing term, such as a Stribeck curve with one Stribeck velocity.
 
-    Fields: `beside`, values of neighbouring models, each with a small step in one number of the term;
-    `start`, a function that returns the initial guess of a search. It takes the numbers of these steps that
-    explain the residuals.
+    Attributes:
+        beside: changed values by name of perturbed models, each with a small step in one parameter of the
+            term.
+        start: function that returns the initial guess by name. It takes the estimated change of each
+            parameter as a multiple of its small step, shape (steps,).
     """
 
     beside: tuple[Values, ...]
@@ -56,8 +59,13 @@ class Way(NamedTuple):
 class Term(NamedTuple):
     """A term that the model may lack.
 
-    Fields: its `cause` in words; `names` of the parameters that it frees; `ways`, its variants; `bounds` by
-    name, which are otherwise set about the initial guess; `untied`, names of parameters that it unties.
+    Attributes:
+        cause: the term in words.
+        names: parameters that the term frees.
+        ways: variants of the term.
+        bounds: bounds by name, SI; empty: those of a ripple are set about the initial guess, others by
+            default.
+        untied: names of parameters whose ties the term removes.
     """
 
     cause: str
@@ -68,8 +76,8 @@ class Term(NamedTuple):
 
 
 class Scales(NamedTuple):
-    """Typical sizes of a walk: force of the contact [N], speed of the end-effector [m/s], total displacement
-    [m]."""
+    """Typical sizes of walks: friction force of the contact [N], largest speed of the end-effector [m/s], and
+    range of its positions in all walks [m]."""
 
     force: float
     speed: float
@@ -77,7 +85,8 @@ class Scales(NamedTuple):
 
 
 def scales_of(fit: Fit, walks: Walks) -> Scales:
-    """Return the typical sizes of walks, computed with the model of the fit."""
+    """Return the typical sizes of walks, from the positions simulated by the fit and the friction law of its
+    model."""
     model, law = fit.model, fit.model.friction
     found = [r + x for r, x in zip(fit.residuals, walks.measured, strict=True)]
     speeds = [np.gradient(x, motion.time) for x, motion in zip(found, walks.motions, strict=True)]
@@ -92,12 +101,13 @@ def scales_of(fit: Fit, walks: Walks) -> Scales:
 
 
 def terms_of(fit: Fit, walks: Walks, step: float) -> list[Term]:
-    """Return the terms that the model of a fit lacks.
+    """Return the terms that can be added to the model of a fit, without those whose parameters are free,
+    fixed or tied in the fit already.
 
     Args:
         fit: result of `identify_friction`, with its model.
-        walks: recordings that it describes.
-        step: size of the small changes, relative to typical sizes.
+        walks: recordings of the fit.
+        step: size of the small steps of parameters, relative to typical sizes.
     """
     model, size = fit.model, scales_of(fit, walks)
     taken = {p.name for p in (*fit.parameters, *fit.beside)}
@@ -111,8 +121,8 @@ def terms_of(fit: Fit, walks: Walks, step: float) -> list[Term]:
 
 
 def _linear(name: str, now: float, size: float, limits: tuple[float, float]) -> Way:
-    """Return the variation of a named number from its present value on a linear scale, with typical change
-    `size` and limits, all in SI."""
+    """Return the variant that changes one parameter on a linear scale: from its present value `now`, by a
+    small step `size`, within `limits`, all in SI."""
     low, high = limits
     return Way(({name: now + size},), lambda steps: {name: float(np.clip(now + steps[0] * size, low, high))})
 
@@ -145,7 +155,8 @@ def _stribeck(model: Actuator, fit: Fit, step: float) -> Term | None:
         beside = {"stiction_ratio": ratio + step, "stribeck_velocity": velocity}
         return Way((beside,), start)
 
-    # A different Stribeck velocity has no effect only if stiction equals Coulomb friction.
+    # If stiction equals Coulomb friction, the model's Stribeck velocity has no effect and may be far from the
+    # true one, so several are tried.
     shares = STRIBECK_VELOCITIES if abs(ratio - 1.0) < 1e-9 else (1.0,)
     ways = tuple(way(share * velocity) for share in shares)
     return Term(STRIBECK, ("stiction_ratio", "stribeck_velocity"), ways, {}, ("stiction_force",))
@@ -205,7 +216,8 @@ def _stage(model: Actuator, step: float, taken: set[str]) -> Term:
 
 
 def bounds_about(term: Term, values: Values) -> Mapping[str, tuple[float, float]]:
-    """Return the bounds of those parameters of a term that need some, about the values found."""
+    """Return the bounds of a term's parameters by name, SI: for a ripple about `values` (its initial guess or
+    estimates), otherwise the term's own."""
     if term.cause != RIPPLE:
         return term.bounds
     ripple, wavelength, phase = (values[name] for name in term.names)

@@ -1,4 +1,5 @@
-"""Least-squares problems of walks: all recordings at once, also with one value fixed."""
+"""Least-squares fit of an actuator's values to walks, all recordings at once, and derivatives of the
+positions."""
 
 from __future__ import annotations
 
@@ -29,20 +30,24 @@ from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .position_channel import CHANNEL
 
-# Relative difference step for a law without derivatives. With its tolerance, both parts of the error are
-# below 1 % of a derivative. If the contact vibrates between jumps, a tenth of a percent of its stiffness
-# changes the phase: with steps of 5e-3, the derivative by the stiffness is wrong by a quarter.
+# Relative step of parameters for numerical derivatives, for laws without exact ones. With a simulation
+# tolerance of 1e-12 m, truncation and simulation errors are each below 1 % of a derivative. Larger steps are
+# wrong if the contact vibrates between jumps, because the phase then depends strongly on the stiffness: with
+# 5e-3, the derivative by the stiffness is wrong by a quarter.
 DIFFERENCE_STEP = 5e-4
-# Convergence limits, see `fit_least_squares`. Errors of simulated derivatives leave some thousandths
-# anywhere; two hundredths raise chi-squared by less than the difference between searches that agree
-# (`SAME_MINIMUM`). A tenth is accurate enough for the average over fits with one value fixed.
+# Convergence limits: a search ends if its next step is shorter than this share of the radius of the
+# confidence region. Errors of simulated derivatives alone cause steps of some thousandths. SETTLED raises
+# chi-squared by less than the difference between searches that agree (`SAME_MINIMUM`). NEAR is accurate
+# enough
+# for averages over fits with one value fixed, and for comparisons of residuals.
 SETTLED, NEAR = 2e-2, 0.1
 
 Array = NDArray[np.float64]
 
 
 class Varied:
-    """An actuator as a function of the fitted values, including tied ones; the last result is cached."""
+    """A function that returns the actuator for given fitted values by name, with tied values computed from
+    them; the last result is cached."""
 
     def __init__(self, model: Actuator, ties: Ties | None = None) -> None:
         self.model, self.ties, self._last = model, ties or Ties(()), ({}, model)
@@ -58,9 +63,21 @@ class Varied:
 class Walks:
     """Recordings of one actuator as a least-squares problem.
 
-    Fields: simulation and measured positions [m] of each recording, names, unit of the positions, and their
-    known noise; the fit of the stage, if any; expressions of tied parameters. The other fields are arguments
-    of `identify_friction`.
+    Attributes:
+        motions: simulation of each recording.
+        measured: measured positions of each recording, m (rad).
+        names: names of the recordings.
+        unit: unit of the positions, "m" or "rad".
+        known: noise of each recording that is known independently of the residuals.
+        model: actuator with initial values.
+        stage: fit of the stage, whose uncertainty is added; None: the stage is exact.
+        ties: expressions of tied parameters, and the fixed values in them.
+        noise: given standard deviation of the positions, m; None: estimated.
+        settled: convergence limit, see `SETTLED`.
+        spent: evaluation budget, shared with copies of this problem for other models.
+        varied: function that returns the actuator for fitted values.
+
+    The other fields are arguments of `identify_friction`.
     """
 
     motions: Sequence[Displacement]
@@ -90,22 +107,24 @@ class Walks:
 
     @property
     def budget(self) -> EvaluationBudget:
-        """Return the budget of evaluations that all searches of these recordings share, also with other
-        models."""
+        """Return the budget of CPU time and evaluations that all searches for these recordings share, also
+        those with other models."""
         assert self.spent is not None
         return self.spent
 
     def fit(self, parameters: Sequence[Parameter], **options: Any) -> Fit:
-        """Return the fit of these parameters with its uncertainty; see `searched` and `completed`."""
+        """Search the minimum of the sum of squares and return the fit with its uncertainty; `options` are
+        those of `searched`."""
         return self.completed(self.searched(parameters, **options))
 
     def beside(self, parameters: Sequence[Parameter]) -> list[Parameter]:
-        """Return the fixed and tied parameters that a fit needs besides these."""
+        """Return the fixed and tied parameters that a fit needs besides `parameters`."""
         names = {p.name for p in parameters}
         return [p for p in self.ties.beside if p.name not in names]
 
     def cost(self, values: Values) -> float:
-        """Return the weighted sum of squares at the values; infinite if the model cannot be simulated."""
+        """Return the sum of squared residuals at these values, divided by the squared given noise (m^2 if
+        none is given); infinite if the model cannot be simulated."""
         try:
             parts = [
                 observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
@@ -117,8 +136,16 @@ class Walks:
     def hold(
         self, name: str, parameters: Sequence[Parameter], most: int, value: float, begin: Values
     ) -> tuple[Fit, Fit]:
-        """Return the fit of all other parameters with one value fixed, without and with the uncertainty of
-        the stage."""
+        """Return the fit of all other parameters with the named one fixed at `value`, twice: without and with
+        the uncertainty from the stage.
+
+        Args:
+            name: name of the fixed parameter.
+            parameters: all parameters.
+            most: largest number of evaluations.
+            value: value of the fixed parameter, SI.
+            begin: initial guess of the others by name.
+        """
         fixed = [
             p._replace(start=value, fixed=True) if p.name == name else p.starting_at(begin[p.name])
             for p in parameters
@@ -127,8 +154,8 @@ class Walks:
         return alone, self._with_stage(alone)
 
     def problem(self, parameters: Sequence[Parameter]) -> Problem:
-        """Return the least-squares problem of these parameters and those tied to them, for the position
-        channel."""
+        """Return the least-squares problem of these parameters, with those fixed or tied to them, for the
+        positions of all walks."""
         parameters = [*parameters, *self.beside(parameters)]
         free = [p.name for p in parameters if not p.fixed]
         own, exact = [name for name in free if name not in CHANNEL], has_slopes(self.model)
@@ -136,7 +163,7 @@ class Walks:
 
         def residuals(motion: Displacement, position: Array) -> Callable[[Values], Array]:
             def of(values: Values) -> Array:
-                if exact:  # accepted points need slopes, too
+                if exact:  # computes position and slopes in one simulation, as accepted points need both
                     motion.slopes(varied(values), values.get("delay", 0.0), own)
                 return observed(motion, varied, values) - position
 
@@ -169,10 +196,18 @@ class Walks:
         settled: float | None = None,
         **options: Any,
     ) -> Fit:
-        """Return the least-squares fit without its final uncertainty; see `completed`."""
+        """Search the minimum of the sum of squares and return the fit, whose uncertainty `completed` has to
+        finish.
+
+        Args:
+            parameters: parameters with initial values and bounds.
+            max_evaluations: largest number of evaluations with derivatives.
+            settled: convergence limit; None: the field `settled`.
+            options: further arguments of `fit_least_squares`.
+        """
         problem = self.problem(parameters)
         problem.budget = self.budget
-        # Numerical derivatives take one evaluation for each free value.
+        # Numerical derivatives take one further evaluation for each parameter.
         each = 1 if problem.jacobian else 1 + len(parameters)
         return fit_least_squares(
             problem,
@@ -185,18 +220,22 @@ class Walks:
         )
 
     def completed(self, fit: Fit) -> Fit:
-        """Return the fit with the noise that its residuals show, and with the uncertainty of the stage."""
+        """Return the fit with the uncertainty from correlated noise, as far as the residuals show it, and
+        from the values of the stage."""
         return self._with_stage(self._with_noise(fit))
 
     def _with_noise(self, fit: Fit) -> Fit:
-        # A given noise does not include clock jitter.
+        # Noise is estimated from the residuals if it is not given, or with clock jitter, which a given noise
+        # does
+        # not include.
         own = self.noise is None or any(one.independent for one in fit.jitter)
         if self.correlated is None and own and self.loss == "linear":
             fit = with_own_noise(fit)
         return fit
 
     def _with_stage(self, fit: Fit) -> Fit:
-        """Return the fit with the propagated uncertainty of the stage's values that are not free."""
+        """Return the fit with the uncertainty propagated from those values of the stage that the fit took as
+        known."""
         stage = self.stage
         if stage is None:
             return fit
@@ -210,11 +249,9 @@ class Walks:
         return with_inherited(fit, by * slopes, stage.uncertainty.covariance[np.ix_(kept, kept)])
 
     def by_known(self, fit: Fit) -> ByKnown:
-        """Return the derivatives of all residuals of a completed fit by the values that it takes as known:
-        see `with_scales`.
-
-        The scale of the drive has the same effect as the gain.
-        """
+        """Return the derivatives of all residuals of a completed fit by the quantities that it takes as
+        known, for `with_scales`: the drive's scale, which has the same effect as the gain, and the stage's
+        values."""
         stage = self.stage
         kept = [] if stage is None else [stage.parameters[i] for i in stage_beside(stage, fit)]
         names = list(dict.fromkeys(["gain", *(p.name for p in kept)]))
@@ -224,18 +261,21 @@ class Walks:
 
 
 def stage_beside(stage: Fit, fit: Fit) -> list[int]:
-    """Return the indices in the stage's fit of the values that a fit of friction took as known."""
+    """Return the indices in `stage`, the fit of the stage, of the stage parameters that `fit`, a fit of
+    friction, took as known."""
     own = {p.name for p in (*fit.parameters, *fit.beside) if not p.fixed}
     return [i for i, p in enumerate(stage.parameters) if p.name in STAGE_PARAMETERS and p.name not in own]
 
 
 def own_values(values: Values) -> Values:
-    """Return the values that belong to the actuator, not to the channel."""
+    """Return the values by name without delay and offset, which belong to the channel and not to the
+    actuator."""
     return {name: value for name, value in values.items() if name not in CHANNEL}
 
 
 def observed(motion: Displacement, varied: Varied, values: Values) -> Array:
-    """Return the position channel [m], shape (n,), for values of the actuator and of the channel."""
+    """Return the simulated samples of the position channel, m, shape (n,), for values of the actuator and of
+    the channel (delay, offset) by name."""
     values = varied.ties(values)
     return motion.position(varied(values), values.get("delay", 0.0)) + values.get("offset", 0.0)
 
@@ -243,8 +283,8 @@ def observed(motion: Displacement, varied: Varied, values: Values) -> Array:
 def slopes_of(
     motions: Sequence[Displacement], varied: Varied, free: Sequence[str]
 ) -> Callable[[Values], Array]:
-    """Return a function for the derivatives of all recordings' residuals by the free values, shape (samples,
-    free)."""
+    """Return a function that takes values by name and returns the derivatives of all recordings' residuals by
+    the `free` values, SI, shape (samples of all recordings, free)."""
     own = [name for name in free if name not in CHANNEL]
 
     def of(values: Values) -> Array:
@@ -258,8 +298,11 @@ def slopes_of(
 
 
 def columns_of(motion: Displacement, fit: Fit, names: Sequence[str]) -> dict[str, Array]:
-    """Return the derivatives [samples] of one position by single values, by name: the named ones, those tied
-    in the fit, and those of the channel."""
+    """Return the derivatives, shape (samples,), of one recording's position at a fit, by the name of the
+    value: the given names, all tied values, delay and offset.
+
+    A tied value counts as independent here; `by_values` adds the ties.
+    """
     model, delay = fit.model, fit.values.get("delay", 0.0)
     names = [name for name in dict.fromkeys([*names, *fit.tied]) if name not in CHANNEL]
     if has_slopes(model):
@@ -271,25 +314,28 @@ def columns_of(motion: Displacement, fit: Fit, names: Sequence[str]) -> dict[str
 
 
 def by_values(columns: Mapping[str, Array], fit: Fit, names: Sequence[str]) -> Array:
-    """Return the derivatives [samples, names] by values that a fit took as known, including their tied
-    values."""
+    """Return the derivatives of a position by values that a fit took as known, shape (samples, names),
+    including the effect of values tied to them; `columns` come from `columns_of`."""
     known = {name: getattr(fit.model, name) for name in names}
     return fit.ties.follow(columns, {**known, **fit.values}, names)
 
 
 def by_coordinates(columns: Mapping[str, Array], fit: Fit) -> Array:
-    """Return the derivatives [samples, k] by the coordinates of a fit."""
+    """Return the derivatives of a position by the k coordinates q of a fit's parameters, shape (samples, k),
+    including the effect of tied values; `columns` come from `columns_of`."""
     slopes = [p.slope(fit.values[p.name]) for p in fit.parameters]
     return fit.ties.follow(columns, fit.values, [p.name for p in fit.parameters]) * slopes
 
 
 def position_slopes(motions: Sequence[Displacement], fit: Fit, names: Sequence[str]) -> Array:
-    """Return the derivatives of all positions, joined, [samples, names]; see `by_values`."""
+    """Return the derivatives of the positions of all walks by values that a fit took as known, SI, shape
+    (samples of all walks, names)."""
     return np.concatenate([by_values(columns_of(m, fit, names), fit, names) for m in motions])
 
 
 def _difference(motion: Displacement, model: Actuator, delay: float, name: str) -> Array:
-    """Return the numerical derivative of a position by a value of the model that has no exact one."""
+    """Return the derivative, shape (samples,), of a position by the named value of the model as a central
+    difference, for models without exact derivatives."""
     value, _ = value_of(model, name)
     sides = [
         motion.position(with_values(model, {name: value * (1.0 + h)}), delay)
