@@ -4,7 +4,7 @@ Imports are inside the commands, so that ``stickslip --help`` does not load the 
 failed, 2 wrong input, 130 interrupted; an error is one line on stderr.
 """
 
-from .frame import app as app  # first, because it reports a missing typer
+from .frame import app as app  # first, because this module reports that typer is missing
 
 # isort: split
 from . import commands as commands

@@ -8,12 +8,12 @@ if TYPE_CHECKING:
     from ..physics.actuator import Actuator, PulledSlider
     from ..waveform.signal import Waveform
 
-# Fields of waveforms that have their own option; the others are set by --set.
+# Fields of waveforms that have a separate option; all other fields are set by --set.
 OPTIONS = ("amplitude", "frequency", "periods")
 _OWNERS = ("friction", "waveform")
 _WRITE = "FIELD=VALUE, friction.FIELD=VALUE or waveform.FIELD=VALUE"
 _LAW = "another law is --law {value}; a value of the law, --set friction.FIELD=VALUE"
-# Options that are not fields of the model, and where to give them instead.
+# Names given to --set that are no fields of the model, each with advice on the right option.
 _ELSEWHERE = {
     "friction": _LAW,
     "law": _LAW,
@@ -25,7 +25,10 @@ _ELSEWHERE = {
 
 
 def parts_of(changes: list[str]) -> dict[str, dict[str, str]]:
-    """Return the values of --set by what they belong to: model, friction or waveform."""
+    """Return the values of --set as {part: {field: text}}, for the parts model, friction and waveform.
+
+    `changes` are texts such as "friction.sigma_0=1e6"; ValueError for a wrong one.
+    """
     from ..quantities.places import assignment
 
     parts: dict[str, dict[str, str]] = {"model": {}, **{owner: {} for owner in _OWNERS}}
@@ -51,7 +54,14 @@ def model_of(name: str) -> Actuator | PulledSlider:
 def changed_model(
     parameters: str, changes: dict[str, str], friction: dict[str, str], law_name: str = ""
 ) -> Actuator | PulledSlider:
-    """Return the model with the changes; another friction law keeps the values that both have."""
+    """Return the model of a parameter set with changed values.
+
+    Args:
+        parameters: name or file of the parameter set.
+        changes: new values of model fields, as texts.
+        friction: new values of fields of the friction law, as texts.
+        law_name: another friction law, which keeps the values that both laws have; "" for the set's law.
+    """
     from ..quantities import registry
 
     model = model_of(parameters)
@@ -76,8 +86,7 @@ def _read(text: str, record: Any, field: str) -> Any:
 
 
 def shape_of(name: str) -> Any:
-    """Return the waveform type with a name as on command lines, such as "reverse-sawtooth", or from a user's
-    file."""
+    """Return the waveform type for a name such as "reverse-sawtooth", "ReverseSawtooth" or "FILE.py:NAME"."""
     from ..quantities.registry import own_path
     from ..waveform.signal import shape
 
@@ -87,7 +96,10 @@ def shape_of(name: str) -> Any:
 
 
 def drive_of(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) -> Waveform:
-    """Return the waveform with these fields; the error for a missing field names its option."""
+    """Return the drive of a waveform type with these fields (texts); ValueError names a missing option.
+
+    The drive of an actuator is a voltage, that of a pulled slider a position.
+    """
     from ..physics.actuator import Actuator
     from ..quantities.records import quantities, sequences
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from ..waveform.signal import Waveform
 
 
-MOST_SAMPLES = 10_000_000
+MOST_SAMPLES = 10_000_000  # largest number of samples of a trajectory; its report needs memory for each
 _OF_THE_DEMO = "finished recordings and stages of its campaign are kept, and the same command continues"
 
 ModelChanges = Annotated[
@@ -69,21 +69,23 @@ def simulate(
         typer.Option(
             metavar="NAME|FILE.py:NAME",
             autocompletion=completion.laws,
-            help="Another friction law; it keeps the values both have.",
+            help="Use another friction law; it keeps the parameters that both laws have.",
         ),
     ] = "",
     amplitude: Annotated[str, typer.Option(help='Amplitude, such as "65 V".')] = "",
     frequency: Annotated[str, typer.Option(help='Frequency, such as "5 Hz".')] = "",
     periods: Annotated[str, typer.Option(help="Number of periods.")] = "",
-    duration: Annotated[str, typer.Option(help='Time to simulate, such as "1.6 s"; that of the drive.')] = "",
-    sample_rate: Annotated[str, typer.Option(help="Samples of the output.")] = "1 kHz",
-    tolerance: Annotated[str, typer.Option(help="Greatest error of the end-effector's position.")] = "1 nm",
+    duration: Annotated[
+        str, typer.Option(help='Time to simulate, such as "1.6 s"; by default the length of the drive.')
+    ] = "",
+    sample_rate: Annotated[str, typer.Option(help="Sampling rate of the trajectory.")] = "1 kHz",
+    tolerance: Annotated[str, typer.Option(help="Tolerance of the end-effector's position.")] = "1 nm",
     stack: Annotated[
         str,
         typer.Option(
             metavar="NAME|FILE.toml",
             autocompletion=completion.stacks,
-            help="Stack that the drive charges: adds current, charge, power, temperature.",
+            help="Piezo stack that the drive charges: adds its current, charge, power and temperature.",
         ),
     ] = "",
     changes: ModelChanges = [],  # noqa: B006  # typer copies it
@@ -156,22 +158,27 @@ def run(
     file: Annotated[
         Path,
         typer.Argument(
-            exists=True, dir_okay=False, metavar="FILE.yaml", help="A job; or a file of any other kind."
+            exists=True,
+            dir_okay=False,
+            metavar="FILE.yaml",
+            help="A job file; or an experiment, campaign, identification, verification, design or move file.",
         ),
     ],
-    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw those of campaigns.")] = True,
+    figures: Annotated[
+        bool, typer.Option("--figures/--no-figures", help="Draw figures of campaigns.")
+    ] = True,
     changes: Changes = [],  # noqa: B006
     out: Out = Path("out/run"),
     arm: Arm = "",
     show_traceback: Traceback = False,
 ) -> None:
-    """Do what a file says: record, identify, verify, compare, export and map, one step after the other."""
+    """Carry out the steps of a file in turn: record, identify, verify, compare, export and map."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
         from ..jobs import run_job
 
-        def keep(finished: Document) -> None:  # if the job failed, the error is reported here
+        def keep(finished: Document) -> None:  # the job's own error is reported, not an unmet requirement
             with suppress(RequirementError):
                 write(finished, out, begun)
 
@@ -183,13 +190,13 @@ def run(
 @app.command()
 def identify(
     file: Annotated[
-        Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="What to fit.")
+        Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="An identification file.")
     ],
     changes: Changes = [],  # noqa: B006
     out: Out = Path("out/identify"),
     show_traceback: Traceback = False,
 ) -> None:
-    """Fit models to recordings, as a file describes it, and verify them on parts that no fit has seen."""
+    """Fit models to recordings, as a file describes it, and verify them on parts that were not fitted."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
@@ -207,7 +214,7 @@ def campaign(
     ],
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
     pdf: Annotated[
-        bool, typer.Option("--pdf", help="report.pdf too, printed by a Chromium browser that is found.")
+        bool, typer.Option("--pdf", help="Also write report.pdf, by an installed Chromium browser.")
     ] = False,
     changes: Changes = [],  # noqa: B006
     out: Out = Path("out/campaign"),
@@ -241,24 +248,28 @@ def verify(
     ],
     recordings: Annotated[
         list[Path] | None,
-        typer.Argument(exists=True, dir_okay=False, metavar="[RECORDING]...", help="With results.json."),
+        typer.Argument(
+            exists=True, dir_okay=False, metavar="[RECORDING]...", help="To predict, with results.json."
+        ),
     ] = None,
     require: Annotated[
         list[str],
-        typer.Option(metavar="'FIGURE > LIMIT'", help="'r_squared > 0.99', 'rmse < 100 nm', ..."),
+        typer.Option(
+            metavar="'FIGURE > LIMIT'", help="Requirement: 'r_squared > 0.99', 'rmse < 100 nm', ..."
+        ),
     ] = [],  # noqa: B006  # typer copies it
     column: Annotated[
         list[str],
-        typer.Option(metavar="NAME=COLUMN", help="A table's column: end_effector_position='Disp (um)'."),
+        typer.Option(metavar="NAME=COLUMN", help="Column of a channel: end_effector_position='Disp (um)'."),
     ] = [],  # noqa: B006
     unit: Annotated[
-        list[str], typer.Option(metavar="NAME=UNIT", help="Unit of a column that says none.")
+        list[str], typer.Option(metavar="NAME=UNIT", help="Unit of a channel whose column names none.")
     ] = [],  # noqa: B006
     changes: Changes = [],  # noqa: B006
     out: Out = Path("out/verify"),
     show_traceback: Traceback = False,
 ) -> None:
-    """Predict recordings with a fitted model; fails where a requirement is not met."""
+    """Predict recordings with a fitted model; exit code 1 if a requirement is not met."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
@@ -302,7 +313,7 @@ def design(
 
 @app.command()
 def demo(out: Out = Path("out/demo"), show_traceback: Traceback = False) -> None:
-    """Run the thesis's campaign on the virtual rig, and fit models to published recordings."""
+    """Run the campaign of Kang's thesis (2007) on a virtual rig, and fit models to published recordings."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, _OF_THE_DEMO):
         check_output(out)
@@ -325,7 +336,7 @@ def cite(
     ],
     show_traceback: Traceback = False,
 ) -> None:
-    """Print BibTeX and, for a parameter set, what its source does not say."""
+    """Print BibTeX and, for a parameter set, the values that its source does not state."""
     with only_reading(show_traceback):
         typer.echo("\n\n".join(_citation(name) for name in names))
 

@@ -10,8 +10,11 @@ import typer
 
 
 def _completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """Return a completion function for typer: the names that start with a text. Nothing is imported before it
-    is called."""
+    """Return a completion function for typer, which returns the names that start with a text.
+
+    `names` returns all names. It is called at the completion only, so that other commands do not import what
+    it needs.
+    """
 
     def complete(incomplete: str) -> list[str]:
         return [name for name in names() if name.startswith(incomplete)]
@@ -91,11 +94,14 @@ def _skeletons() -> Iterable[str]:
 
 
 def changes(context: typer.Context, incomplete: str) -> list[str]:
-    """Return completions of --set, "NAME=", for the parameter set, law and waveform earlier on the line."""
+    """Return completions of --set ("NAME=") for the parameter set, law and waveform given before it.
+
+    `incomplete` is the text typed so far.
+    """
     from .changes import names_to_set
 
     given = context.params
-    # after an option without its value, arguments are not parsed
+    # The last option has no value yet, so typer has not parsed the arguments after it: they are in `args`.
     name = (*context.args, given["parameters"])[0]
     with suppress(ValueError):  # unknown name: the command itself reports it
         names = names_to_set(name, given["law"], given["waveform"])

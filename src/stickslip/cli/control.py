@@ -21,7 +21,7 @@ from .frame import (
 )
 
 _File = Annotated[
-    Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="Rig, actuator, target.")
+    Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="Rig, actuator and target.")
 ]
 
 
@@ -32,7 +32,7 @@ def move(
     out: Out = Path("out/move"),
     show_traceback: Traceback = False,
 ) -> None:
-    """Move to a position by steps, land by the piezo and hold; the recording goes to move.nc."""
+    """Move to a position by steps, then by the piezo alone, and hold; the recording goes to move.nc."""
     _closed_loop(file, changes, out, show_traceback, only_hold=False)
 
 
@@ -43,7 +43,7 @@ def hold(
     out: Out = Path("out/hold"),
     show_traceback: Traceback = False,
 ) -> None:
-    """Hold a position in the piezo's reach; the recording goes to hold.nc."""
+    """Hold a position within the stroke of the piezo; the recording goes to hold.nc."""
     _closed_loop(file, changes, out, show_traceback, only_hold=True)
 
 

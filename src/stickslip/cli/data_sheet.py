@@ -18,7 +18,7 @@ def data_sheet(
         str,
         typer.Argument(
             metavar="[SHEET|FILE.toml]",
-            help="A data sheet of the package (stickslip list 'data sheets'), or a file.",
+            help="A data sheet of the package (stickslip list 'data sheets') or a file; else use --set.",
             autocompletion=completion.data_sheets,
         ),
     ] = "",

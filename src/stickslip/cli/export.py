@@ -22,11 +22,13 @@ ModelArgument = Annotated[
     typer.Argument(
         metavar="SET|FILE.toml|results.json",
         autocompletion=completion.sets,
-        help="Parameter set, by name or file, or what stickslip identify found on a walk.",
+        help="Parameter set, by name or file, or results.json of stickslip identify on a walk.",
     ),
 ]
-Folder = Annotated[Path, typer.Option(help="Folder to make; it must not exist.")]
-StepSize = Annotated[str, typer.Option(help="Step of the examples and longest internal step of an FMU.")]
+Folder = Annotated[Path, typer.Option(help="New folder for the export; it must not exist yet.")]
+StepSize = Annotated[
+    str, typer.Option(help="Time step of the example programs; for an FMU its longest internal step.")
+]
 BenchName = Annotated[
     str,
     typer.Option(
@@ -49,13 +51,15 @@ def export_as_c(
     source: ModelArgument,
     out: Folder = Path("out/c"),
     step: StepSize = "20 us",
-    amplitude: Annotated[str, typer.Option(help='Of the sawtooth to play, such as "65 V".')] = "",
-    frequency: Annotated[str, typer.Option(help="Of the sawtooth; 5 Hz if left out.")] = "",
-    periods: Annotated[int | None, typer.Option(help="Of the sawtooth; 8 if left out.", min=1)] = None,
+    amplitude: Annotated[
+        str, typer.Option(help='Amplitude of the sawtooth in the examples, such as "65 V".')
+    ] = "",
+    frequency: Annotated[str, typer.Option(help="Frequency of this sawtooth; 5 Hz if left out.")] = "",
+    periods: Annotated[int | None, typer.Option(help="Its number of periods; 8 if left out.", min=1)] = None,
     bench: BenchName = "",
     show_traceback: Traceback = False,
 ) -> None:
-    """Write C99 for a host and a microcontroller; make in the folder builds and runs it."""
+    """Write the model in C99 for a PC and a microcontroller; `make` in the folder builds and runs it."""
     with errors_in_one_line(show_traceback):
         from ..export import export_c
 
@@ -69,10 +73,10 @@ def export_as_c(
 def export_as_fmu(
     source: ModelArgument,
     out: Folder = Path("out/fmu"),
-    fmi: Annotated[int, typer.Option(help="Version of the standard, 2 or 3.")] = 2,
-    mode: Annotated[FmuKind, typer.Option(help="What goes in and out.")] = FmuKind.PLANT,
+    fmi: Annotated[int, typer.Option(help="Version of the FMI standard, 2 or 3.")] = 2,
+    mode: Annotated[FmuKind, typer.Option(help="Inputs and outputs of the unit.")] = FmuKind.PLANT,
     step: StepSize = "20 us",
-    compiler: Annotated[str, typer.Option(help='Makes the binary; "" leaves it out.')] = "gcc",
+    compiler: Annotated[str, typer.Option(help='Compiler of the binary; "" for no binary.')] = "gcc",
     bench: BenchName = "",
     show_traceback: Traceback = False,
 ) -> None:

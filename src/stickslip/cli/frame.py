@@ -38,11 +38,11 @@ app = typer.Typer(
 )
 
 
-# What remains after a command is interrupted.
+# Texts on what remains after an interrupted command, for its error message.
 FINISHED = "what was finished is kept"
 CONTINUES = f"{FINISHED}, and the same command continues"
 ROOM = 4_000_000  # bytes of free disk space that a report needs, checked before any work
-_TRIES = 5  # attempts while other commands make and remove the same folder
+_TRIES = 5  # further attempts to write into --out while another command makes and removes that folder
 
 Out = Annotated[
     Path, typer.Option(help="Folder for results.json and report.html; other files in it are kept.")
@@ -58,7 +58,7 @@ Changes = Annotated[
 Traceback = Annotated[
     bool,
     typer.Option(
-        "--traceback", envvar="STICKSLIP_TRACEBACK", help="Show where in the program an error arose."
+        "--traceback", envvar="STICKSLIP_TRACEBACK", help="Show where in the program an error occurred."
     ),
 ]
 
@@ -68,11 +68,11 @@ Arm = Annotated[
     typer.Option(
         "--arm",
         metavar="WHY",
-        help="Enable the output of a real rig for this command, and why: the log keeps it.",
+        help="Enable the output of a real rig for this command; the log keeps the reason WHY.",
     ),
 ]
 
-_INTERRUPTIONS: list[Interruption] = []  # the running command's
+_INTERRUPTIONS: list[Interruption] = []  # handlers of Ctrl-C of the running command, the current one last
 
 
 @contextmanager
@@ -117,7 +117,10 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
 
 @contextmanager
 def arming(why: str) -> Iterator[None]:
-    """Context in which runs of real rigs are armed, if the user gave a reason."""
+    """Context in which the output of a real rig may be enabled, if `why` has the user's reason.
+
+    Without a reason ("") the context changes nothing.
+    """
     if not why:
         yield
         return
@@ -129,8 +132,10 @@ def arming(why: str) -> Iterator[None]:
 
 @contextmanager
 def only_reading(show_traceback: bool) -> Iterator[None]:
-    """Report errors in one line, for commands that only read; of the user's own files, run only those of
-    --use."""
+    """Context for commands that only read: errors are reported in one line, and no user's file is run.
+
+    Files given with --use were run before; others that are named in a read file are not.
+    """
     with errors_in_one_line(show_traceback):
         from ..quantities.registry import nothing_run
 
@@ -139,10 +144,12 @@ def only_reading(show_traceback: bool) -> Iterator[None]:
 
 
 def _reader_is_gone() -> bool:
-    """Return True if the reader of the printed output is gone. Otherwise a broken pipe has another cause,
-    such as a rig."""
+    """Return True if the program that reads the printed output has ended, such as `head`.
+
+    Otherwise a broken pipe has another cause, such as a lost connection to a rig, and is an error.
+    """
     try:
-        print(flush=True)  # a newline: a flush alone would test nothing if the output is unbuffered
+        print(flush=True)  # prints a newline: an unbuffered output has nothing to flush, and shows no error
     except BrokenPipeError:
         return True
     return False
@@ -167,8 +174,11 @@ def _explained(error: Exception) -> str:
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """Show progress as a bar on a terminal, otherwise as one line on stderr per task. At each progress call,
-    a command that the user has interrupted ends."""
+    """Context that gives a progress callback (text, finished fraction).
+
+    On a terminal it shows a bar, otherwise it prints a line to stderr when the text changes. If the user has
+    interrupted the command, the callback ends it by a KeyboardInterrupt.
+    """
     with _shown_progress() as progress:
         yield _INTERRUPTIONS[-1].ending(progress) if _INTERRUPTIONS else progress
 
@@ -221,7 +231,10 @@ def check_output(out: Path) -> None:
 
 
 def _try_to_write(out: Path) -> None:
-    """Write a file of a report's size in the folder; then remove it, and folders made for it."""
+    """Test that a report fits: write a file of its size into the folder, and remove it again.
+
+    Folders that were made for the test are removed too.
+    """
     probe = out / f".room.{os.getpid()}.part"
     made: list[Path] = []
     try:
@@ -249,14 +262,21 @@ def _remove_if_empty(folder: Path) -> None:
 
 
 class RequirementError(Exception):
-    """Error: a requirement of the user is not met."""
+    """Error: a requirement of the user on the results is not met, such as a largest rms error."""
 
 
 def write(document: Document, out: Path, begun: float, browser: str = "") -> None:
     """Write the report and print the main results.
 
-    With the path of a `browser`, report.pdf is written too. Raises RequirementError if a requirement is not
-    met, and KeyboardInterrupt if that has ended the work.
+    Args:
+        document: the report.
+        out: folder for it.
+        begun: time at which the command started, from `time.perf_counter`, s.
+        browser: path of a browser, with which report.pdf is written too; "" for no PDF.
+
+    Raises:
+        RequirementError: a requirement is not met.
+        KeyboardInterrupt: the user interrupted the work; the report shows the finished part.
     """
     from ..report import write_pdf, write_report
     from ..report.text import shown_number
@@ -298,11 +318,11 @@ def main(
         list[Path],
         typer.Option(
             metavar="FILE.py",
-            help="Run a file of your own first: its laws, waveforms, ... are known by name.",
+            help="Run a Python file of yours first: its laws, waveforms, ... are then known by name.",
         ),
     ] = [],  # noqa: B006  # typer copies it
 ) -> None:
-    """Only the options that come before a command."""
+    """Handle the options that come before the command: --version and --use."""
     if use:
         with errors_in_one_line(False):
             from ..quantities.registry import use_file

@@ -15,18 +15,21 @@ from .frame import Traceback, app, only_reading
 
 @app.command()
 def runs(
-    folder: Annotated[Path, typer.Argument(help="With recordings and fits, its own folders too.")] = Path(
-        "out"
-    ),
-    search: Annotated[str, typer.Option(help="Words that must all stand somewhere in a row.")] = "",
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of recordings and fits; its subfolders are searched too.")
+    ] = Path("out"),
+    search: Annotated[str, typer.Option(help="Words that a row must all contain.")] = "",
     where: Annotated[
-        list[str], typer.Option(metavar="COLUMN=TEXT", help="Rows whose column begins so: outcome=stopped.")
+        list[str],
+        typer.Option(metavar="COLUMN=TEXT", help="Rows whose column starts with a text: outcome=stopped."),
     ] = [],  # noqa: B006  # typer copies it
-    compare: Annotated[list[str], typer.Option(metavar="NAME", help="Say what differs between these.")] = [],  # noqa: B006
-    to_bin: Annotated[list[str], typer.Option(metavar="NAME", help="Move these to the bin.")] = [],  # noqa: B006
+    compare: Annotated[
+        list[str], typer.Option(metavar="NAME", help="Print how runs differ; give it twice or more.")
+    ] = [],  # noqa: B006
+    to_bin: Annotated[list[str], typer.Option(metavar="NAME", help="Move a run to the bin.")] = [],  # noqa: B006
     notes: Annotated[str, typer.Option(metavar="NAME=TEXT", help="Write a recording's notes.")] = "",
     tags: Annotated[str, typer.Option(metavar="NAME=A,B", help="Write a recording's tags.")] = "",
-    rebuild: Annotated[bool, typer.Option("--rebuild", help="Read every file anew.")] = False,
+    rebuild: Annotated[bool, typer.Option("--rebuild", help="Read every file again.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print all columns, as JSON.")] = False,
     show_traceback: Traceback = False,
 ) -> None:
@@ -77,8 +80,8 @@ def log(
             exists=True, metavar="FILE.yaml|FOLDER", help="An experiment file of a rig, or a panel's folder."
         ),
     ] = Path("out/panel"),
-    search: Annotated[str, typer.Option(help="Words that must all stand somewhere in a line.")] = "",
-    last: Annotated[int, typer.Option(help="Lines at most, the newest.", min=1)] = 100,
+    search: Annotated[str, typer.Option(help="Words that a line must all contain.")] = "",
+    last: Annotated[int, typer.Option(help="Most lines to show, the newest.", min=1)] = 100,
     as_json: Annotated[bool, typer.Option("--json", help="Print all fields, as JSON.")] = False,
     show_traceback: Traceback = False,
 ) -> None:
@@ -112,7 +115,7 @@ def log(
 
 
 def _check_present(folder: Path, names: list[str]) -> None:
-    """Refuse missing or repeated names before any file is moved."""
+    """Raise ValueError for a missing or repeated name of --to-bin, before any file is moved."""
     from ..history.storable import real_name
 
     for name in names:

@@ -20,12 +20,13 @@ def inspect(
     picture: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE.svg", help="Where its picture goes: FILE-inspect.svg here; over no other file."
+            metavar="FILE.svg",
+            help="File of the picture; by default FILE-inspect.svg here. No other file is overwritten.",
         ),
     ] = None,
     show_traceback: Traceback = False,
 ) -> None:
-    """Say what a file holds: columns, units, sampling, gaps, noise; draw it, and print the YAML to paste."""
+    """Print what a file contains (columns, units, sampling, gaps, noise) and YAML to paste, and draw it."""
     with only_reading(show_traceback):
         from ..recording.readers.inspection import inspect_file
         from ..recording.replacing import replaced_whole
@@ -94,14 +95,14 @@ def new(
     ],
     recordings: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[RECORDING]...", help="Your files: columns, units and drives are filled in."),
+        typer.Argument(metavar="[RECORDING]...", help="Recordings, to fill in columns, units and drives."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Where it goes; never over another.")
+        Path | None, typer.Option(metavar="FILE", help="File to write; no file is overwritten.")
     ] = None,
     show_traceback: Traceback = False,
 ) -> None:
-    """Write a file with comments that runs as it is, to be changed: of your recordings, or of an example."""
+    """Write a first file with comments, from your recordings or an example; it runs as it is."""
     with only_reading(show_traceback):
         from ..jobs.skeletons import new_file
 
@@ -125,7 +126,7 @@ def list_known(
     ] = None,
     show_traceback: Traceback = False,
 ) -> None:
-    """List what is known by name, each with a line of what it is."""
+    """List the names that commands and files accept, each with a one-line description."""
     with only_reading(show_traceback):
         from ..jobs.known import catalogue
 

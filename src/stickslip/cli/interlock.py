@@ -25,13 +25,13 @@ def interlock(
         ),
     ],
     acknowledge: Annotated[
-        str, typer.Option(metavar="WHY", help="Acknowledge the fault, and why it is safe to.")
+        str, typer.Option(metavar="WHY", help="Acknowledge the fault; WHY says why that is safe.")
     ] = "",
     give: Annotated[str, typer.Option(metavar="PERMIT", help="Give a permit.")] = "",
     withdraw: Annotated[
-        str, typer.Option(metavar="PERMIT", help="Withdraw a permit; a run that goes on is stopped.")
+        str, typer.Option(metavar="PERMIT", help="Withdraw a permit; an active run is stopped.")
     ] = "",
-    why: Annotated[str, typer.Option(help="Why a permit is given or withdrawn.")] = "",
+    why: Annotated[str, typer.Option(help="Reason for giving or withdrawing a permit.")] = "",
     show_traceback: Traceback = False,
 ) -> None:
     """Show whether a run of a rig may start; acknowledge a fault, give or withdraw a permit."""

@@ -1,10 +1,9 @@
-"""Interruption of commands by Ctrl-C, SIGTERM, SIGHUP or a closed terminal: a request that is carried out at
-the next safe moment.
+"""Interruption of commands by Ctrl-C, SIGTERM, SIGHUP or a closed terminal.
 
-While a rig is driven, that is the next progress call: the samples are kept, and the output ramps to 0 V. At
-all other times it is now. A library may swallow an exception that a signal raises in it, so the first signal
-also sets a flag. The second ends the program at once, after the rig's process has been told to stop. An
-interrupted command has the exit code 130.
+While a rig is driven, a command ends at its next progress call: the samples are kept, and the output ramps to
+0 V. At all other times the command ends at once. A library may swallow an exception that a signal raises in
+it, so the first signal also sets a flag. A second signal ends the program at once, after the rig's process
+has been told to stop. An interrupted command has the exit code 130.
 """
 
 from __future__ import annotations
@@ -27,8 +26,10 @@ _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if
 
 
 class Interruption:
-    """Context in which signals to end are such requests. Signals that the program was started to ignore, as
-    by nohup, are ignored."""
+    """Context that handles the signals to end a command, as the module describes.
+
+    Signals that the program was started to ignore, as by nohup, stay ignored.
+    """
 
     def __init__(self) -> None:
         self.asked = False
@@ -69,7 +70,7 @@ class Interruption:
             _leave_terminal()
         if self.asked:
             try:
-                # Only a program with a rig's process must stop it.
+                # The module is loaded only if this program uses a rig's process, which must stop the output.
                 if hosted := sys.modules.get("stickslip.rig.hosted"):
                     hosted.stop_all()
             finally:
@@ -83,7 +84,7 @@ class Interruption:
 
 
 def _leave_terminal() -> None:
-    """Discard further output: the terminal is closed, and writing to it is an error."""
+    """Send further output nowhere: the terminal is closed, and writing to it would be an error."""
     with suppress(OSError):
         nowhere = os.open(os.devnull, os.O_RDWR)
         for stream in (1, 2):
@@ -93,7 +94,7 @@ def _leave_terminal() -> None:
 
 
 def _writable(stream: int) -> bool:
-    """Return whether the stream can be written, which fails for a closed terminal."""
+    """Return True if a stream (file descriptor) can be written; False for a closed terminal."""
     try:
         os.write(stream, b"")
     except OSError:

@@ -46,15 +46,15 @@ class FileKind(StrEnum):
 @app.command()
 def record(
     file: Annotated[
-        Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="What to record.")
+        Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="Experiment file.")
     ],
     changes: Changes = [],  # noqa: B006
     out: Out = Path("out/record"),
     arm: Arm = "",
     show_traceback: Traceback = False,
 ) -> None:
-    """Record what an experiment file asks for, NAME.nc for each recording; those that are there already are
-    kept, anything else of such a name goes to .bin in the folder."""
+    """Make the recordings of an experiment file, each as NAME.nc. Finished ones are kept; another file of
+    such a name is moved to .bin in the folder."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, CONTINUES):
         check_output(out)
@@ -71,11 +71,11 @@ def record(
 @app.command()
 def rigs(
     at: Annotated[
-        list[str], typer.Option(metavar="HOST[:PORT]", help="An address to ask which controller it is.")
+        list[str], typer.Option(metavar="HOST[:PORT]", help="Address to search for a known controller.")
     ] = [],  # noqa: B006  # typer copies it
     show_traceback: Traceback = False,
 ) -> None:
-    """List the back ends, what they do and what they were tried on; and what is connected."""
+    """List the back ends (drivers), what they were verified against, and the connected devices."""
     with errors_in_one_line(show_traceback):
         from ..rig.attached import attached_devices, known_devices, probe
 
@@ -126,34 +126,39 @@ def twin(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Controller.", autocompletion=completion.twins)],
     port: Annotated[
         int,
-        typer.Option(help="TCP port, of an oscilloscope the next; 0 takes a free one.", min=0, max=65535),
+        typer.Option(
+            help="TCP port; an oscilloscope gets the next one; 0 takes free ones.", min=0, max=65535
+        ),
     ] = 0,
     host: Annotated[str, typer.Option(help="Address to serve; by default this machine only.")] = "127.0.0.1",
     parameters: Annotated[
         str,
         typer.Option(
-            "--actuator", metavar="SET|FILE.toml", help="What moves.", autocompletion=completion.sets
+            "--actuator",
+            metavar="SET|FILE.toml",
+            help="Parameter set of the stages.",
+            autocompletion=completion.sets,
         ),
     ] = "kang2007-hysteresis",
     load: Annotated[str, typer.Option(help="Force on the end-effectors, with its unit.")] = "0 N",
-    travel: Annotated[str, typer.Option(help="From end stop to end stop, with its unit.")] = "4 mm",
-    axes: Annotated[int, typer.Option(help="Stages on it; some controllers have one.", min=1, max=4)] = 3,
-    seed: Annotated[int, typer.Option(help="Of scatter, noise and position at power-on.", min=0)] = 0,
-    temperature: Annotated[str, typer.Option(help="Of the stages, 1 K to 300 K.")] = "300 K",
+    travel: Annotated[str, typer.Option(help="Distance between the end stops, with its unit.")] = "4 mm",
+    axes: Annotated[int, typer.Option(help="Number of stages; some controllers have one.", min=1, max=4)] = 3,
+    seed: Annotated[int, typer.Option(help="Seed of scatter, noise and initial position.", min=0)] = 0,
+    temperature: Annotated[str, typer.Option(help="Temperature of the stages, 1 K to 300 K.")] = "300 K",
     regular: Annotated[
         bool,
         typer.Option(
             "--regular",
-            help="Steps and end stops exactly as the model says. Without it those of a positioner scatter, "
-            "differ by direction, relax and give as on published stages.",
+            help="Make steps and end stops exactly as the model has them. By default those of a positioner "
+            "scatter, depend on the direction, relax and yield, as on published stages.",
         ),
     ] = False,
     pty: Annotated[
-        bool, typer.Option("--pty", help="On a pseudo terminal, if the controller has a serial port.")
+        bool, typer.Option("--pty", help="Serve a pseudo terminal, for a controller with a serial port.")
     ] = False,
     show_traceback: Traceback = False,
 ) -> None:
-    """Serve a twin of a controller, with stages behind it that move by the model, until Ctrl-C."""
+    """Serve a simulated controller (twin), whose stages move as the model does, until Ctrl-C."""
     with errors_in_one_line(show_traceback):
         from ..physics.actuator import load_actuator
         from ..physics.temperature import at_temperature
@@ -170,7 +175,14 @@ def twin(
 
 
 def serve(twins: dict[str, Twin], host: str, port: int, pty: bool) -> None:
-    """Serve twins by their role, each on the next port, until Ctrl-C."""
+    """Serve simulated instruments until Ctrl-C, and print the address of each.
+
+    Args:
+        twins: the instruments by their role, such as the oscilloscope of a controller.
+        host: network address to serve.
+        port: TCP port of the first one; each further one has the next port. 0 for any free ports.
+        pty: serve pseudo terminals instead of TCP ports.
+    """
     from ..rig.twins import TwinServer, TwinTerminal
 
     with ExitStack() as at_last:
@@ -186,7 +198,7 @@ def serve(twins: dict[str, Twin], host: str, port: int, pty: bool) -> None:
 
 @app.command()
 def schema(kind: Annotated[FileKind, typer.Argument(help="Kind of file.")] = FileKind.JOB) -> None:
-    """Print the JSON Schema of files: of jobs, of a kind that a step may be, or of results.json."""
+    """Print the JSON Schema of one kind of file: of jobs, of a step's file, or of results.json."""
     if kind is FileKind.JOB:
         from ..jobs.file import json_schema
     elif kind is FileKind.EXPERIMENT:
@@ -204,19 +216,21 @@ def schema(kind: Annotated[FileKind, typer.Argument(help="Kind of file.")] = Fil
 
 @app.command()
 def calibrate(
-    file: Annotated[str, typer.Argument(metavar="TABLE|FILE.csv", help="Truth, then readings, with units.")],
+    file: Annotated[
+        str, typer.Argument(metavar="TABLE|FILE.csv", help="True values, then readings, with units.")
+    ],
     order: Annotated[
         str,
-        typer.Option(help='Order of the polynomial, or "auto": what predicts points left out best.'),
+        typer.Option(help='Order of the polynomial; "auto": the one that best predicts points left out.'),
     ] = "auto",
     after: Annotated[
         list[str],
         typer.Option(
             autocompletion=completion.calibrations,
-            help="A calibration that the readings go through first: the new one corrects it.",
+            help="Calibration that converts the readings first; the new one corrects its result.",
         ),
     ] = [],  # noqa: B006  # typer copies it
-    name: Annotated[str, typer.Option(help="What to call it; that of the table and the order.")] = "",
+    name: Annotated[str, typer.Option(help="Name of the calibration; by default TABLE-ORDER.")] = "",
     out: Out = Path("out/calibrate"),
     show_traceback: Traceback = False,
 ) -> None:

@@ -15,13 +15,13 @@ import typer
 from .frame import Traceback, app, errors_in_one_line
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_NICE = -5  # priority above programs that only compute, below the rig's process
+_NICE = -5  # nice value of the panel: before programs that only compute, after the rig's process
 
 
 @app.command()
 def panel(
     folder: Annotated[
-        Path, typer.Argument(file_okay=False, help="Recordings and experiment files; made if missing.")
+        Path, typer.Argument(file_okay=False, help="Folder of recordings and experiments; made if missing.")
     ] = Path("out/panel"),
     host: Annotated[str, typer.Option(help="Address to serve; by default this machine only.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="TCP port; 0 takes a free one.", min=0, max=65535)] = 8080,
@@ -29,25 +29,25 @@ def panel(
         str,
         typer.Option(
             envvar="STICKSLIP_PANEL_TOKEN",
-            help="What a browser must show; other than on this machine one is made if none is given.",
+            help="Token that a browser must send. Without one a token is made, except on this machine alone.",
         ),
     ] = "",
     need_token: Annotated[
         bool,
-        typer.Option("--need-token", help="On this machine too, which may have other users: one is made."),
+        typer.Option("--need-token", help="Require a token on this machine too, if it has other users."),
     ] = False,
     roles: Annotated[
         list[str],
         typer.Option(
             "--role",
             metavar="watch|operate|maintain",
-            help="Make a token of this role too; --token is one to maintain.",
+            help="Make another token, with this role; the role of --token is maintain.",
         ),
     ] = [],  # noqa: B006  # typer copies it
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     show_traceback: Traceback = False,
 ) -> None:
-    """Open the control panel in the browser: experiments live, identification, the model; until Ctrl-C."""
+    """Serve the control panel until Ctrl-C and open it in the browser: recording, identification, design."""
     with errors_in_one_line(show_traceback):
         from ..gate.priority import come_first
         from ..rig.memory import give_memory_back
@@ -76,8 +76,8 @@ def panel(
         listening = socket.create_server(
             (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
         )
-        # Otherwise every answer waits 40 ms for an acknowledgement (asyncio does this for its own sockets
-        # only).
+        # Without this option every answer waits 40 ms for an acknowledgement; asyncio sets it only for
+        # sockets that it has made.
         listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         number = listening.getsockname()[1]
         shown = f"[{host}]" if ":" in host else host

@@ -1,4 +1,4 @@
-"""Command that calibrates the steps of a motor."""
+"""Command that measures the step size of a stick-slip motor over voltage and direction."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def steps(
     arm: Arm = "",
     show_traceback: Traceback = False,
 ) -> None:
-    """Calibrate the steps of a motor: steps.json for a position without a sensor, steps.csv (equal steps)
-    for a controller, bursts.csv with what was measured."""
+    """Measure the steps of a motor over voltage and direction. Writes steps.json (to count positions without
+    a sensor), steps.csv (for a controller that makes equal steps) and bursts.csv (the measurements)."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)

@@ -29,8 +29,8 @@ class _FileOrCommand(TyperGroup):
 study = typer.Typer(
     cls=_FileOrCommand,
     no_args_is_help=True,
-    help="Many members on one machine or many: study FILE.yaml --store DIR; show, stop, compare, merge, "
-    "export.",
+    help="Run many simulations on one or several machines: study FILE.yaml --store DIR; show, stop, "
+    "compare, merge, export.",
     rich_markup_mode=None,
 )
 app.add_typer(study, name="study")
@@ -44,12 +44,12 @@ def run(
         Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="The study.")
     ],
     store: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results, a Zarr group.")],
-    workers: Annotated[int, typer.Option(min=0, help="Processes; 0: all processors.")] = 0,
-    shard: Annotated[str, typer.Option(metavar="K/N", help="Only every N-th task, from the K-th.")] = "",
+    workers: Annotated[int, typer.Option(min=0, help="Number of processes; 0: all processors.")] = 0,
+    shard: Annotated[str, typer.Option(metavar="K/N", help="Compute every N-th task, from the K-th.")] = "",
     scheduler: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Of a dask scheduler: tcp://host:8786, tls://host:8786.")
+        str, typer.Option(metavar="ADDRESS", help="Dask scheduler: tcp://host:8786, tls://host:8786.")
     ] = "",
-    estimate: Annotated[bool, typer.Option("--estimate", help="Say what it costs, and end.")] = False,
+    estimate: Annotated[bool, typer.Option("--estimate", help="Print the expected cost, and end.")] = False,
     changes: Changes = [],  # noqa: B006
     show_traceback: Traceback = False,
 ) -> None:
@@ -160,7 +160,7 @@ def _difference(one: Any) -> str:
 @study.command()
 def merge(
     stores: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Stores of one study.")],
-    into: Annotated[Path, typer.Option(metavar="DIR", help="Store of all of them; may be one of them.")],
+    into: Annotated[Path, typer.Option(metavar="DIR", help="Store for all results; may be one of those.")],
     show_traceback: Traceback = False,
 ) -> None:
     """Merge shards of a study that were computed in separate stores into one store."""
@@ -176,7 +176,7 @@ def merge(
 def export(
     store: StoreFolder,
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Ends in .nc, .parquet or .csv; never over another.")
+        Path, typer.Argument(metavar="FILE", help="New file; its name ends in .nc, .parquet or .csv.")
     ],
     show_traceback: Traceback = False,
 ) -> None:

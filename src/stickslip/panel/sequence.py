@@ -21,13 +21,17 @@ from .running import Runner
 from .starting import Starter
 from .stream import Client, Hub
 
-MOST_STEPS = 1000
-_OVERHEAD = 1.0  # s that a run takes besides its capture, until one was measured
-_ENDS = 600.0  # s after which a run that does not end is abandoned
+MOST_STEPS = 1000  # most runs of a sequence
+_OVERHEAD = 1.0  # s that a run is assumed to take besides its capture, until a run was measured
+_ENDS = 600.0  # s for which the sequence waits for the end of a run
 
 
 class Item(Strict):
-    """A run, repeated `repeats` times for each combination of the values of its variables."""
+    """A run, repeated `repeats` times for each combination of the values of its variables.
+
+    `run` names a run of the experiment, `matrix` has the values of each variable, and `rest` is the time to
+    wait after each run.
+    """
 
     run: str
     matrix: dict[str, list[str]] = Field(default_factory=dict, max_length=6)
@@ -36,10 +40,11 @@ class Item(Strict):
 
 
 class RunSequence(Strict):
-    """Queued runs and their conditions.
+    """Request for a sequence of runs.
 
-    `order` "given": all repeats of a combination, then the next one; "rounds": all combinations, then all
-    again.
+    `order` is "given" (all repeats of a combination, then the next one) or "rounds" (all combinations, then
+    all again). With `home_first` the end-effector walks home before each run; with `go_on` the sequence
+    continues after a failed run.
     """
 
     items: list[Item] = Field(min_length=1, max_length=50)
@@ -49,7 +54,11 @@ class RunSequence(Strict):
 
 
 class QueuedRun(NamedTuple):
-    """One run: its content, its name, s that its capture takes, s of rest after it."""
+    """One run of a sequence.
+
+    `content` is an experiment with this run only, `seconds` the time that its capture takes, and `rest` the
+    time to wait after it [s].
+    """
 
     content: dict[str, Any]
     title: str
@@ -116,7 +125,10 @@ class Sequencer:
         return QueuedRun(content, title, seconds, rest)
 
     def start(self, asked: RunSequence) -> int:
-        """Start the sequence; return its number of runs. Raises as `steps`; RigError during a run."""
+        """Start the sequence in a thread; return its number of runs.
+
+        Raises as `steps`, and RigError while a run or a sequence is active.
+        """
         steps = self.steps(asked)
         with self._lock:
             if self.state["phase"] == "running" or self._runner.busy:
@@ -160,7 +172,7 @@ class Sequencer:
             self._tell(phase=phase, said=said, left=None)
 
     def _all(self, steps: list[QueuedRun], asked: RunSequence) -> tuple[str, str]:
-        """Run all steps; return the final phase and a message."""
+        """Run all steps; return the final phase ("done" or "ended") and a message."""
         overhead, failed = _OVERHEAD, 0
         for i, step in enumerate(steps):
             if self._last.is_set():
@@ -180,7 +192,10 @@ class Sequencer:
         return "done", f"{len(steps)} runs" + (f", {failed} of them failed" if failed else "")
 
     def _one(self, step: QueuedRun, i: int, count: int, asked: RunSequence) -> str:
-        """Run a step, after homing if the sequence says so; return its final phase."""
+        """Run a step, after the walk home if the sequence asks for it.
+
+        `i` is the step's index of `count`. Returns the run's final phase, "done", "stopped" or "failed".
+        """
         try:
             if asked.home_first and abs(self._runner.position) > 0.0:
                 outcome = self._ended(self._starter.home)
@@ -217,12 +232,12 @@ class Sequencer:
 
 
 def _left(steps: list[QueuedRun], overhead: float) -> float:
-    """Return the s that these runs will take, with the rests between them."""
+    """Return the time [s] that runs will take, with rests between them and `overhead` [s] for each run."""
     return sum(one.seconds + overhead for one in steps) + sum(one.rest for one in steps[:-1])
 
 
 def sequence_routes(control: Control, sequencer: Sequencer) -> APIRouter:
-    """Return the routes of the sequence."""
+    """Return the routes that check, start and end a sequence of runs."""
     routes = APIRouter(prefix="/sequence")
 
     @routes.post("/check")

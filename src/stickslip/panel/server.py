@@ -56,7 +56,8 @@ from .stream import Client, Hub
 from .studies import Studies, study_routes
 
 STATIC = Path(__file__).parent / "static"
-# Modules of the functions that read files for pages. Importing them takes 1.5 s of computing.
+# Modules that the process for reading files imports at its start, as it calls their functions for pages. The
+# import takes 1.5 s of computing.
 READ_BY = (
     "stickslip.recording.readers.reading",
     "stickslip.history.describing",
@@ -68,14 +69,15 @@ READ_BY = (
 _IDLE = 600  # s between garbage collections while nothing runs
 
 
+# Comment lines of a script of the page.
 _COMMENT = re.compile(rb"^[ \t]*(?://.*|/\*\*.*\*/)\n", re.MULTILINE)
 
 
 class _Static(StaticFiles):
-    """The page's files; comment lines of scripts are removed, 5 % of the bytes sent."""
+    """Server of the page's files; comment lines of scripts are removed, which saves 5 % of the bytes sent."""
 
     async def get_response(self, path: str, scope: MutableMapping[str, Any]) -> Response:
-        """Return the file, or the answer that it has not changed."""
+        """Return the response with a file, or the response (304) that it has not changed."""
         answer = await super().get_response(path, scope)
         if not isinstance(answer, FileResponse) or not path.endswith(".js") or path.startswith("vendor"):
             return answer
@@ -108,7 +110,7 @@ def create_app(
             address only.
         tokens: the role of each further token, see `roles`.
         hosts, any_address: see `guard.Guard`.
-        largest_body: bytes of a request.
+        largest_body: most bytes of a request.
     """
     files = Folder(folder)
     hub = _greeting()
@@ -145,7 +147,8 @@ def create_app(
     @asynccontextmanager
     async def life(app: FastAPI) -> AsyncIterator[None]:
         beating = asyncio.create_task(beat())
-        # A computing thread delays the others by this interval; Python's 5 ms are a third of a video frame.
+        # Longest time [s] for which a computing thread blocks the others. Python's default of 5 ms is a third
+        # of a video frame.
         sys.setswitchinterval(1e-3)
         _start_processes(hub, runner, read)
         interlocks.watch()
@@ -194,7 +197,11 @@ def create_app(
 
 
 def _greeting() -> Hub:
-    """Return a stream; its first message gives a page its name, its role and this start's id."""
+    """Return a new stream of messages, whose first one gives a page its public name and its role.
+
+    That message also has an id of this start of the server, by which a page that connects again notices that
+    the server was restarted.
+    """
     hub, boot = Hub(), secrets.token_hex(8)
 
     def hello(client: Client, said: dict[str, Any]) -> list[str]:
@@ -206,7 +213,7 @@ def _greeting() -> Hub:
 
 
 def _start_processes(hub: Hub, runner: Runner, read: Reader) -> None:
-    """Start the process that reads files now, and the rig's process with the first page."""
+    """Start the process that reads files, and, when the first page connects, the rig's process."""
     first = threading.Lock()
 
     def rig() -> None:

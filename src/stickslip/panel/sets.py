@@ -13,7 +13,7 @@ from ..quantities.registry import nothing_run
 from ..quantities.units import QuantityError
 from .folder import Folder, FolderError
 
-MOST = 50  # newest saved sets that are offered
+MOST = 50  # most saved sets that are offered, the newest ones
 
 
 class Sets:
@@ -26,7 +26,7 @@ class Sets:
         self._folder = folder
 
     def offered(self) -> dict[str, tuple[str, Actuator]]:
-        """Return title and actuator of each set; files that cannot be read are left out."""
+        """Return title and actuator of each set, by name; files that cannot be read are left out."""
         found = {name: _published(name) for name in available_sets() if load_set(name).kind == "actuator"}
         for name in self._saved():
             try:
@@ -74,7 +74,7 @@ def _published(name: str) -> tuple[str, Actuator]:
 
 @lru_cache(maxsize=2 * MOST)
 def _of_file(path: Path, changed: tuple[int, int]) -> tuple[str, Actuator]:
-    del changed  # part of the key
+    del changed  # only a part of the cache's key: a changed file is read again
     return load_set(os.fspath(path)).title, load_actuator(path)
 
 

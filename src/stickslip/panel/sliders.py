@@ -23,7 +23,10 @@ from .sets import PACKAGE, Sets
 
 
 class Slider(NamedTuple):
-    """Range of a slider. On a logarithmic one, the left end may mean zero, the right end ∞."""
+    """Range of a slider, in SI units.
+
+    On a logarithmic slider the left end means 0 if `zero` is set, and the right end ∞ if `infinite` is set.
+    """
 
     low: float
     high: float
@@ -75,7 +78,7 @@ _WAVEFORM = {
     "duration": Slider(1e-3, 10.0),
 }
 DURATION = Slider(1e-2, 10.0)
-# Range by unit, for fields of a user's own law or waveform.
+# Slider range by unit, for fields of a user's own law or waveform.
 _BY_UNIT = {
     "V": Slider(0.0, 150.0, "linear"),
     "V/s": Slider(1.0, 1e5),
@@ -90,19 +93,20 @@ _BY_UNIT = {
 }
 # Units of the page's own quantities, for linear actuators.
 _UNITS = {"position": "m", "speed": "m/s", "force": "N"}
-ARM = 0.01  # m
-_POWERS = {"m": -1, "N": 1, "kg": 2}  # of the radius, in the rotary counterpart of a unit
-_STRIBECK_VELOCITY = 1e-3  # m/s, for a contact without a Stribeck velocity
+ARM = 0.01  # m, radius at which values of linear actuators are converted for rotary ones
+# Power of the radius by which a value with a unit is multiplied for a rotary actuator: m -> rad, N -> N m.
+_POWERS = {"m": -1, "N": 1, "kg": 2}
+_STRIBECK_VELOCITY = 1e-3  # m/s, initial value for a contact without a Stribeck velocity
 _NO_SLIDERS = ("Constant", "Rest")  # waveforms without motion
 _ELEMENTS = ("stiffness", "strength")  # fields of several values, with one slider each
-# Fields that follow others of the same law, as powers of them, so that the law stays valid. As in fits,
-# stiction keeps its ratio to sliding friction, and the elastic range keeps its share of the presliding
-# distance.
+# Fields that change in proportion to powers (exponents given) of other fields of the same law, so that the
+# law stays valid. As in fits, stiction keeps its ratio to sliding friction, and the elastic range keeps its
+# share of the presliding distance.
 TIED = {
     "stiction_force": {"coulomb_force": 1},
     "breakaway_deflection": {"coulomb_force": 1, "sigma_0": -1},
 }
-# Initial values of a waveform.
+# Initial values of a waveform's fields, SI.
 _BEGIN = {
     "amplitude": 65.0,
     "frequency": 5.0,
@@ -143,7 +147,10 @@ def law_types() -> dict[str, Any]:
 
 
 def sized(value: float, unit: str, rotary: bool) -> float:
-    """Return a value of a linear actuator, or its rotary counterpart at the radius `ARM`."""
+    """Return a value of a linear actuator, or for `rotary` its counterpart at the radius `ARM`.
+
+    `unit` is the linear actuator's SI unit, such as "N s/m".
+    """
     over, _, under = unit.partition("/")
     power = sum(_POWERS.get(one, 0) for one in over.split()) - sum(
         _POWERS.get(one, 0) for one in under.split()
@@ -261,7 +268,13 @@ def _kind(known: dict[str, Any], rotary: bool) -> dict[str, Any]:
 
 
 def settings(starts: Any, names: Sequence[str], along: Coordinate) -> list[dict[str, Any]]:
-    """Return fields of a record, each with unit, meaning and initial value as `starts`."""
+    """Return the page's fields for some fields of a record.
+
+    Args:
+        starts: record with the initial values.
+        names: names of its fields.
+        along: linear or rotary coordinate, for the units.
+    """
     known = quantities(type(starts))
     return [
         {
@@ -275,7 +288,10 @@ def settings(starts: Any, names: Sequence[str], along: Coordinate) -> list[dict[
 
 
 def laws_like(law: Any, known: dict[str, Any], rotary: bool = False) -> dict[str, Any]:
-    """Return a law of each known type with parameters for the same contact."""
+    """Return a law of each known type, by name, with parameters for the same contact as `law`.
+
+    A type that does not accept the values found for it is left out.
+    """
     contact = law
     if not isinstance(law, LuGre):
         force = getattr(law, "coulomb_force", sized(0.5, "N", rotary))
@@ -292,7 +308,10 @@ def laws_like(law: Any, known: dict[str, Any], rotary: bool = False) -> dict[str
 
 
 def _values_like(kind: Any, contact: LuGre, rotary: bool) -> dict[str, Any]:
-    """Return values for a user's own law: the contact's, else defaults, else the middle of a slider."""
+    """Return values for the fields of a user's own law `kind`.
+
+    They are those of the contact's LuGre law if it has the field, else the default, else the slider's middle.
+    """
     shared = {f: value for f, value in contact._asdict().items() if f in kind._fields}
     return {
         f: kind._field_defaults.get(f, sized(_middle(_slider(q, _FRICTION.get(f))), q.unit, rotary))
@@ -301,7 +320,7 @@ def _values_like(kind: Any, contact: LuGre, rotary: bool) -> dict[str, Any]:
 
 
 def values_of(law: Any) -> dict[str, Any]:
-    """Return the values of a law by slider; elements are "stiffness_1", "stiffness_2", ..."""
+    """Return the values of a law by the name of their slider; elements are "stiffness_1" and so on."""
     found = {}
     for field, value in law._asdict().items():
         if isinstance(value, tuple):
@@ -312,7 +331,7 @@ def values_of(law: Any) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """Return the value in a JSON type."""
+    """Return the value in a JSON type: infinity becomes the text "inf"."""
     return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 

@@ -36,7 +36,7 @@ from .running import Arrived, BenchJob, Runner
 from .stream import Hub
 
 _HOMING = 10.0  # s, longest walk home
-_LONGEST_NOTE = 2000  # characters
+_LONGEST_NOTE = 2000  # characters of a note that are kept
 
 
 class Starter:
@@ -61,7 +61,13 @@ class Starter:
     def start(
         self, content: dict[str, Any], title: str, slug: str, ended: Callable[[], None] | None = None
     ) -> str:
-        """Start all runs of a content; return the name of the folder of its recordings.
+        """Start all runs of an experiment; return the name of the folder of its recordings.
+
+        Args:
+            content: content of the experiment file.
+            title: title of the job, for pages and the log.
+            slug: end of the folder's name.
+            ended: called after the last run, if given.
 
         Raises:
             ValueError, RigError: it cannot be recorded, or a run is active.
@@ -100,7 +106,7 @@ class Starter:
             raise RigError("a sequence is going on: stop it, or let it end")
 
     def home(self) -> None:
-        """Start the walk home."""
+        """Start the walk of the end-effector to position 0."""
         self._runner.start(homing(self._folder, self._document, self._runner.position))
 
     def note(self, text: str) -> str:
@@ -138,10 +144,11 @@ class Starter:
 
 
 def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
-    """Return the content with the number of its first virtual run, counted over all runs of the folder.
+    """Return the experiment's content with the number of its first virtual run, and count its runs.
 
     The number seeds the random variation, so no virtual run repeats an earlier one, as on a real rig. The
-    count stays correct if files are deleted; it is saved with the recordings.
+    count of all runs is kept in a file below `root`, the panel's folder, and stays correct if recordings are
+    deleted. The content of another rig is returned unchanged.
     """
     rig = content.get("rig", {})
     if rig.get("kind", "virtual") != "virtual":
@@ -165,7 +172,7 @@ def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
 
 
 def _recordings(content: dict[str, Any]) -> int:
-    """Return the number of single runs of the rig in a content."""
+    """Return the number of single runs of the rig that an experiment needs, repeats and averages included."""
     runs = check_experiment(content).runs
     return sum(
         run.repeats * int(run.capture.average) * math.prod(map(len, run.matrix.values())) for run in runs
@@ -194,7 +201,10 @@ def _slug(text: str) -> str:
 
 
 def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob:
-    """Return a job that walks towards home until the end-effector is there while the drive is at 0 V."""
+    """Return a job that walks until the end-effector is at position 0 while the drive is near 0 V.
+
+    `position` is the last measured position from home [m, rad]. Its sign gives the direction.
+    """
     content, file, _, units, *_ = document.checked
     walk = {"forward_voltage", "reverse_voltage", "frequency"}
     if not walk <= file.variables.keys() or POSITION not in units:
@@ -221,7 +231,8 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob
             )
 
     shown = document.described()["channels"]
-    # From beyond an end stop the rig must be able to walk back, so the limit is widened by one stroke.
+    # From beyond a position limit the rig must be able to walk back, so the limit is widened to the present
+    # position plus one stroke of the piezo.
     cell = document.checked.cells[0]
     stroke = abs(position) + abs(cell.actuator.gain) * max(cell.limits.max_voltage, -cell.limits.min_voltage)
     limits = dict(content.get("limits", {}))

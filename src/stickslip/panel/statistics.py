@@ -27,14 +27,19 @@ from .journal import Journal
 from .stream import Client, Hub
 
 PAUSE = 0.2  # s between two messages
-STEPS = 50  # last steps over which the drift is fitted
-_GROWN = 1.05  # growth of the drive's swing that counts as another amplitude
-_LEAST_SWING = 1.0  # V, smallest swing of a drive that makes steps
-ALARMS = ".stickslip/alarms.json"
+STEPS = 50  # number of the last steps over which mean step and drift are computed
+# Growth factor of the drive's peak-to-peak voltage at which a new search for steps starts, as the voltage's
+# middle has moved.
+_GROWN = 1.05
+_LEAST_SWING = 1.0  # V, smallest peak-to-peak voltage of a drive that makes steps
+ALARMS = ".stickslip/alarms.json"  # file of the alarms in the panel's folder
 
 
 class Alarm(Strict):
-    """Request for an alarm: a statistic and its limits, texts with units or None."""
+    """Request for an alarm: the name of a statistic and its limits, texts with units or None.
+
+    With `stop` the alarm also stops the run.
+    """
 
     statistic: str = Field(max_length=80)
     low: str | float | None = None
@@ -67,14 +72,19 @@ class Statistics:
         hub.greetings.append(self._greet)
 
     def begin(self, columns: list[dict[str, str]], drive: str) -> None:
-        """Start a run; `drive` is the name of the channel that shows the drive, "" for none."""
+        """Reset the statistics for a new run.
+
+        Args:
+            columns: name, unit and label of each channel.
+            drive: name of the channel that shows the drive, "" for none: then no steps are counted.
+        """
         with self._lock:
             self._columns, self._drive = columns, drive
             self._unit = next((one["unit"] for one in columns if one["name"] == POSITION), "m")
             self._sums = {one["name"]: np.zeros(3) for one in columns}
             self._ends = {one["name"]: [math.inf, -math.inf] for one in columns}
             self._low, self._high = math.inf, -math.inf
-            self._swing = 0.0  # swing for which the middle is valid
+            self._swing = 0.0  # peak-to-peak voltage of the drive for which the middle is valid
             self._above = True  # True until the drive was below the middle: no rise yet
             self._at: float | None = None
             self._steps: deque[float] = deque(maxlen=STEPS)
@@ -104,9 +114,10 @@ class Statistics:
                 self._tell(position)
 
     def _walk(self, volts: NDArray[np.float64], at: NDArray[np.float64]) -> None:
-        """Find steps in the next samples. The swing at a sample depends only on samples before it.
+        """Find steps in the next samples of drive voltage and position.
 
-        The steps therefore do not depend on how a run is cut into blocks.
+        The peak-to-peak voltage at a sample depends only on the samples up to it. The steps therefore do not
+        depend on how a run is cut into blocks.
         """
         low = np.fmin.accumulate(np.append(self._low, volts))[1:]
         high = np.fmax.accumulate(np.append(self._high, volts))[1:]
@@ -116,7 +127,7 @@ class Statistics:
         state = np.where(volts > middle, 1, np.where(volts < middle - margin, -1, 0))
         begin = int(np.searchsorted(swing, _LEAST_SWING))
         while begin < swing.size:
-            if swing[begin] > _GROWN * self._swing:  # earlier rises were at another phase
+            if swing[begin] > _GROWN * self._swing:  # earlier rises had another phase
                 self._swing, self._above, self._at = float(swing[begin]), True, None
             end = int(np.searchsorted(swing, _GROWN * self._swing, side="right"))
             self._rises(state[begin:end], at[begin:end])
@@ -162,7 +173,10 @@ class Statistics:
         return why
 
     def _watch(self) -> str:
-        """Raise alarms that were not raised in this run; return why the run must stop."""
+        """Log each alarm whose statistic is beyond a limit, once in a run; return why the run must stop.
+
+        "" if the run continues.
+        """
         stop = ""
         for alarm in self.alarms:
             value = self.values.get(alarm.statistic)
@@ -187,7 +201,7 @@ class Statistics:
         return stop
 
     def set_alarms(self, alarms: list[Alarm]) -> None:
-        """Replace and save the alarms; raises QuantityError for a limit in a wrong unit."""
+        """Replace and save the alarms; raises QuantityError for a wrong unit, or an alarm without limits."""
         for one in alarms:
             unit = self.values.get(one.statistic, {}).get("unit")
             for limit in (one.low, one.high):
@@ -226,7 +240,7 @@ def drive_channel(channels: Mapping[str, Any]) -> str:
 
 
 def statistics_routes(control: Control, statistics: Statistics) -> APIRouter:
-    """Return the route of the alarms."""
+    """Return the route that sets the alarms."""
     routes = APIRouter(prefix="/statistics")
 
     @routes.post("/alarms")

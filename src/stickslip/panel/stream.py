@@ -21,13 +21,19 @@ from .packing import packed as packed
 from .roles import SAID_BY_ALL, enough
 
 Message = str | bytes
-MOST_WAITING = 400  # messages; a client further behind is disconnected, connects again and catches up
-MOST_CLIENTS = 200
+# Most messages that wait for a page. A page that is further behind is disconnected; it connects again and
+# catches up.
+MOST_WAITING = 400
+MOST_CLIENTS = 200  # most pages that are connected at a time
 LONGEST_MESSAGE = 65536  # characters of a message from a page
 
 
 class Client:
-    """One connected page with its queue of messages."""
+    """One connected page with its queue of messages.
+
+    `identity` is the page's secret, `name` its name for people; `waiting` ends with None if the page is too
+    slow (`lagging`).
+    """
 
     def __init__(self, identity: str, name: str) -> None:
         self.identity, self.name = identity, name
@@ -35,7 +41,7 @@ class Client:
         self.lagging = False
 
     def put(self, message: Message) -> None:
-        """Queue a message; in the event loop only."""
+        """Queue a message for the page; to be called in the event loop only."""
         if self.waiting.qsize() >= MOST_WAITING:
             self.lagging = True
             while not self.waiting.empty():
@@ -48,9 +54,14 @@ class Client:
 class Hub:
     """All connected pages, to which messages are sent.
 
-    `greetings` return the first messages for a page, also when it asks for them again; they receive what the
-    page said about itself. `hears` maps the "kind" of a message from a page to its handler. `changed` is
-    called when a page connects or leaves. All of them run in the event loop and must be fast.
+    Attributes:
+        clients: the connected pages.
+        greetings: functions that return the first messages for a page, also when it asks for them again. They
+            get the page and its first message ({} if it asks again).
+        hears: handler of each kind of message from a page; it gets the page and the message.
+        changed: functions that are called when a page connects or leaves.
+
+    All these functions run in the event loop and must be fast.
     """
 
     def __init__(self) -> None:
@@ -72,11 +83,11 @@ class Hub:
         return self._under_way > 0
 
     def tell(self, kind: str, **fields: Any) -> None:
-        """Send a message to every page; from any thread."""
+        """Send a JSON message with its kind and fields to every page, from any thread."""
         self.send(json.dumps({"kind": kind, **fields}))
 
     def send(self, message: Message) -> None:
-        """Send a message to every page; from any thread."""
+        """Send a message, text or binary, to every page, from any thread; nothing before the first page."""
         if self._loop is not None and not self._loop.is_closed():
             with self._counting:
                 self._under_way += 1
@@ -89,7 +100,7 @@ class Hub:
             client.put(message)
 
     async def serve(self, socket: WebSocket) -> None:
-        """Talk to one page until it leaves."""
+        """Exchange messages with one page through its WebSocket until it leaves."""
         self._loop = asyncio.get_running_loop()
         await socket.accept()
         if len(self.clients) >= MOST_CLIENTS:

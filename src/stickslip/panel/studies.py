@@ -38,9 +38,10 @@ from .journal import Journal
 from .packing import packed
 
 _KIND = re.compile(rb"^kind:\s*[\"']?study\b", re.MULTILINE)
-_LOOKED = 65_536  # bytes of a file that are searched for its kind
-QUIET, MISSED = 30.0, 10.0  # s, and task durations, after which a study without news counts as idle
-_TOLD = 2000  # bytes of a run's last messages
+_LOOKED = 65_536  # bytes at the start of a file in which its kind is sought
+# A study counts as idle if no result came for 30 s and for the time of 10 tasks.
+QUIET, MISSED = 30.0, 10.0
+_TOLD = 2000  # bytes at the end of a run's output in which its last message is sought
 
 
 class Asked(Strict):
@@ -58,7 +59,10 @@ class StudyToRun(Strict):
 
 
 class Wanted(Asked):
-    """Request for a picture of a store; see `study_picture`."""
+    """Request for a picture of a store: `statistic` of a `result` over one or two varied quantities.
+
+    `across` is on the horizontal axis, `up` on the vertical one ("" for none).
+    """
 
     result: str
     across: str
@@ -105,7 +109,7 @@ class Studies:
         return name in self._runs and self._runs[name].process.poll() is None
 
     def fault(self, name: str) -> str:
-        """Return the last message of a run that failed."""
+        """Return the last message of a study's run that failed; "" if it runs, succeeded or is unknown."""
         run = self._runs.get(name)
         if run is None or not run.process.poll():
             return ""
@@ -192,14 +196,23 @@ def _found(folder: Folder) -> tuple[list[str], list[str]]:
 
 
 def _row(studies: Studies, files: list[str], name: str) -> dict[str, Any]:
-    """Describe a store without reading it. Its study is the file of the same name, if that exists."""
+    """Return name, study file and whether it runs here for a store, without reading it.
+
+    The study file is the one of the same name, "" if that is not among `files`.
+    """
     own = [file for file in files if file.rsplit(".", 1)[0] == name.rsplit(".", 1)[0]]
     return {"name": name, "file": own[0] if own else "", "runs": studies.runs(name)}
 
 
 def _said(found: StudyState, runs: bool, fault: str) -> dict[str, Any]:
-    """Return the state of a study in words."""
-    task = found.members / found.tasks / found.rate  # s
+    """Return the state of a study for its page: title, finished share, rows of numbers and a sentence.
+
+    Args:
+        found: state read from the store.
+        runs: True if this panel runs the study.
+        fault: last message of a failed run, "" without one.
+    """
+    task = found.members / found.tasks / found.rate  # s for each task
     lately = time.time() - found.last < max(QUIET, MISSED * task)  # False if either is NaN
     grows = runs or (lately and not found.finished and not fault)
     rows = [("tasks", f"{found.done:,} of {found.tasks:,}"), ("members", f"{found.members:,}")]
@@ -219,7 +232,10 @@ def _said(found: StudyState, runs: bool, fault: str) -> dict[str, Any]:
 
 
 def _state(manifest: Path) -> tuple[StudyState, dict[str, list[dict[str, str]]]]:
-    """Return the state of a store, and the variables that a picture can show."""
+    """Return the state of a store, and the names and units of varied quantities and results to draw.
+
+    `manifest` is the store's file zarr.json.
+    """
     varied, results = ([_about(one) for one in some.values()] for some in pictured(Store(manifest.parent)))
     return study_state(manifest.parent), {"varied": varied, "results": results}
 

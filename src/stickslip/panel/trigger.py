@@ -10,7 +10,7 @@ from .live import Live
 
 
 class TriggerSeeker:
-    """Finds the sample that triggers the recording of a run, block by block."""
+    """Finds the sample that triggers the recording of a run, block by block; tells it to `live`."""
 
     def __init__(self, capture: Capture, live: Live) -> None:
         self._trigger, self._live = capture.trigger, live

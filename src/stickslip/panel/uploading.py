@@ -25,14 +25,17 @@ from .stream import Hub
 if TYPE_CHECKING:
     import xarray as xr
 
-UPLOADS = ".uploads"
+UPLOADS = ".uploads"  # subfolder of the panel's folder for files that are not imported yet
 _KEPT = 3600.0  # s after which an upload that was not imported is deleted
 _SUFFIXES = (".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".dat", ".lvm", ".mf4", ".nc")
 
 
 class Taken(Strict):
-    """Request to import an upload: channel names with the index of their column and their unit; the treatment
-    of missing samples; the number of rows, None for all."""
+    """Request to import an uploaded file as the recording `name`.
+
+    `columns` has the index of each channel's column, `units` each channel's unit, `missing` the treatment of
+    missing samples, and `rows` the number of rows (None: all). `token` identifies the upload.
+    """
 
     token: str
     columns: dict[str, int] = Field(default_factory=dict, max_length=100)
@@ -45,7 +48,7 @@ class Taken(Strict):
 
 
 def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> None:
-    """Add the routes of uploads to the history's routes."""
+    """Add the routes of uploads to the history's routes; delete uploads of an earlier start."""
     shutil.rmtree(folder.root / UPLOADS, ignore_errors=True)
 
     @routes.post("/upload")
@@ -58,7 +61,7 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
         # In threads: a slow disk must not delay other requests, which may be a stop.
         path = await run_in_threadpool(_place, folder, called)
         try:
-            with path.open("wb") as file:  # in parts: a body that is kept whole outlives a refused request
+            with path.open("wb") as file:  # in parts: a whole body would stay in memory
                 async for part in request.stream():
                     await run_in_threadpool(file.write, part)
         except BaseException:  # too large, or the sender disconnected
@@ -113,7 +116,7 @@ def _by_name(text: str, path: Path, folder: Folder) -> str:
 
 
 def _place(folder: Folder, name: str) -> Path:
-    """Return the path of a new upload; delete uploads that nobody imported."""
+    """Return the path of a new upload in a folder of its own; delete old uploads that nobody imported."""
     root = folder.root / UPLOADS
     for old in root.glob("*"):
         if time.time() - old.stat().st_mtime > _KEPT:
@@ -124,7 +127,10 @@ def _place(folder: Folder, name: str) -> Path:
 
 
 def _looked_at(folder: Folder, read: Reader, path: Path) -> dict[str, Any]:
-    """Preview an upload in the process that can be ended."""
+    """Return the preview of an upload, read in a process that can be ended.
+
+    An upload that cannot be read is deleted, with a RecordingError.
+    """
     token, name = path.parent.name, path.name
     try:
         if path.suffix.lower() == ".nc":
