@@ -23,37 +23,39 @@ from ..quantities.units import QuantityError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-# Merits of candidates [n, parameters, 0 to 1] under conditions: [n, conditions], to be maximised,
-# NaN where there is no periodic motion.
+# Function of candidates [n, coordinates from 0 to 1] and indices of conditions that returns merits
+# [n, conditions], to be maximised; NaN without a periodic motion.
 Merits = Callable[[Array, Index], Array]
 
-# Shares of the budget for random candidates, and for generations of the population. The largest population,
-# absolute and relative to the budget; and the size of a generation of CMA-ES.
+# Shares of the budget: for one round of random candidates, and for random candidates and generations of
+# differential evolution together. Largest population of the latter, absolute and relative to the budget; and
+# number of candidates in a generation of CMA-ES.
 SCOUTS, FOR_HILL = 0.125, 0.5
 POPULATION, OF_BUDGET, GENERATION = 50, 0.025, 16
-# Number of rounds of random candidates, while no candidate exceeds half of them by this share of the scale of
-# merits: most drives may cause no motion.
+# Largest number of rounds of random candidates. They end when the best score exceeds the median by this share
+# of the scale of merits: if most drives cause no motion, more must be tried.
 LOOKS, LEVEL = 4, 0.02
 # Initial spread of CMA-ES, relative to the range: from a single initial guess, and near an earlier result.
 WIDE, NEAR = 0.3, 0.08
 # Distance of the initial points of an evolution from the bounds.
 INSIDE = 0.02
-# Number of conditions by which candidates are judged at first; and how often more are added.
+# Largest number of conditions that one round adds to those by which candidates are judged (half by merit,
+# half by shortfall below the baseline); and largest number of rounds.
 ACTIVE, ROUNDS = 4, 4
-# Ratio of the first budget to that of later rounds.
+# Ratio of the budget to that of the second and later rounds with several conditions; the first takes half.
 LATER = 6
 # Number of conditions that represent all conditions for a quantile.
 RANKS = 24
 # Smallest gain for which a search continues, relative to the scale of merits.
 GAIN = 2e-5
 DOING = "searching for a drive signal"
-# Weight of a shortfall below the baseline.
+# Weight of a shortfall in the merit: below the baseline, the minimum speed or the holding force.
 SHORTFALL = 10.0
 
 
 class Judge(NamedTuple):
-    """Conversion of merits under all conditions to one number: their `quantile` (0: the worst), minus a
-    penalty for merits below `baseline` [conditions]; `scale` is the scale of a merit."""
+    """Conversion of a candidate's merits under several conditions to one score: their `quantile` (0: the
+    worst), minus a penalty for merits below `baseline` [conditions]; `scale`: size of a typical merit."""
 
     quantile: float
     baseline: Array | None
@@ -70,7 +72,8 @@ class Judge(NamedTuple):
 
 
 class Task(NamedTuple):
-    """A search: the number of `conditions`, and the `budget` of candidates."""
+    """A search: function of the `merits`, `judge` that converts them to a score, number of `conditions`,
+    `budget` of candidates, generator of random numbers, and progress function."""
 
     merits: Merits
     judge: Judge
@@ -81,8 +84,8 @@ class Task(NamedTuple):
 
 
 class Best(NamedTuple):
-    """Result of a search: the point, its merits under all conditions, the number of computed candidates, and
-    whether Ctrl-C stopped it."""
+    """Result of a search: the point `x`, its `score` under all conditions, the number of computed periodic
+    motions (`evaluations`), and True if Ctrl-C stopped the search."""
 
     x: Array
     score: float
@@ -91,8 +94,13 @@ class Best(NamedTuple):
 
 
 def robust(task: Task, starts: Array) -> Best:
-    """Return the best candidate under all conditions, from initial guesses [n, parameters]; from a single
-    guess, near it."""
+    """Return the best candidate under all conditions.
+
+    Args:
+        task: the search.
+        starts: initial guesses [n, coordinates]. With a single one and one condition, only CMA-ES near it is
+            used.
+    """
     everything = np.arange(task.conditions)
     merits = task.merits(starts, everything)
     scores = task.judge.score(merits, everything)
@@ -197,8 +205,14 @@ def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
 
 
 def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
-    """Return the conditions to judge by: the previous ones and the worst of the others; for a quantile, of
-    all ranks."""
+    """Return the indices of the conditions by which candidates are judged next: the previous ones, and those
+    in which a candidate is worst; for a quantile, conditions of all ranks.
+
+    Args:
+        merits: merits of the best candidate in all conditions.
+        judge: its quantile and baseline.
+        before: indices of the previous conditions.
+    """
     missing = np.where(np.isnan(merits), -np.inf, merits)
     order = np.argsort(missing)
     found = [before, order[: ACTIVE // 2]]
@@ -212,8 +226,15 @@ def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
 
 
 def evolved(task: Task, begin: Array, spread: float, active: Index, budget: int) -> tuple[Array, int, bool]:
-    """Return the best point of CMA-ES from an initial guess, the number of candidates computed, and True if
-    it was stopped early."""
+    """Return the best point of CMA-ES, the number of computed candidates, and True if Ctrl-C stopped it.
+
+    Args:
+        task: the search.
+        begin: initial guess [coordinates from 0 to 1].
+        spread: initial standard deviation of the coordinates.
+        active: indices of the conditions by which candidates are judged.
+        budget: number of candidates.
+    """
     run = _evolution(task, begin, spread)
     best, tried = (float(task.judge.score(task.merits(begin[None], active), active)[0]), begin), 1
     try:
@@ -234,7 +255,7 @@ def _evolution(task: Task, begin: Array, spread: float) -> Any:
     options = {
         "bounds": [0.0, 1.0],
         "popsize": GENERATION,
-        "seed": np.nan,  # leave NumPy's own generator alone
+        "seed": np.nan,  # cma must not seed NumPy's global generator
         "randn": lambda *shape: task.random.standard_normal(shape),
         "verbose": -9,
         "verb_log": 0,
@@ -247,7 +268,7 @@ def _evolution(task: Task, begin: Array, spread: float) -> Any:
 def _cma() -> Any:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # warnings of CMA-ES about its imports
+            warnings.simplefilter("ignore")  # cma warns about optional packages that it does not find
             import cma
     except ImportError as error:
         raise QuantityError('this search needs cma: pip install "stickslip[design]"') from error

@@ -22,18 +22,23 @@ from .sawtooth import best_sawtooth
 from .scenarios import ScenarioTable
 from .search import DOING, SHORTFALL, Best, Index, Judge, Task, robust
 
-# Margin of the search above the sawtooth, relative to the scale of the goal, for coarser steps and the
-# generator; and the shortfall that counts as equal.
+# Margin above the best sawtooth that the search demands in every condition, because its tolerance is coarser
+# than that of the result and the drive is then rounded to updates of the output; and shortfall of the result
+# below the sawtooth that counts as equal. Both are relative to the scale of the goal.
 MARGIN, NO_WORSE = 1e-3, 1e-6
-# Allowed shortfall of the minimum speed, relative.
+# Shortfall below the minimum speed, relative to it, that is still accepted.
 NEAR = 1e-3
-# Number of sawtooths that define the scale of a goal.
+# Number of random sawtooths whose largest goal defines the scale of a goal.
 SAMPLES = 48
 
 
 class Searched(NamedTuple):
-    """Search for one goal: `minimum_speed` [m/s] in the direction of the goal; `quantile` as in `Judge`;
-    `scale` of the goal."""
+    """Search for the drive that reaches one goal best.
+
+    Fields: actuator, goal, allowed drives and conditions; `minimum_speed` [m/s] in the direction of the goal,
+    0 for none; `quantile` over the conditions (0: the worst); number of threads; and `scale`, the size of a
+    typical value of the goal, which normalises penalties.
+    """
 
     model: Actuator
     goal: Any
@@ -45,7 +50,14 @@ class Searched(NamedTuple):
     scale: float = 1.0
 
     def result(self, count: int, budget: int, seed: int, progress: Progress) -> OptimisedWaveform:
-        """Return the result for drives through `count` values."""
+        """Search for the best sawtooth and the best drive, and return the better of both.
+
+        Args:
+            count: number of knots of the drive.
+            budget: number of candidates in the first search.
+            seed: seed of the search.
+            progress: called with activity and finished fraction.
+        """
         random = np.random.default_rng([seed, 1])
         of = self.scaled(random)
         everything = len(of.conditions.names)
@@ -71,10 +83,10 @@ class Searched(NamedTuple):
         return made
 
     def scaled(self, random: np.random.Generator) -> Searched:
-        """Return the search with the scale of the goal, that of typical sawtooths.
+        """Return the search with its `scale`: the largest magnitude of the goal over random sawtooths.
 
         Raises:
-            QuantityError: none of them has a steady motion.
+            QuantityError: none of them has a steady motion, or the goal is 0 with all of them.
         """
         shapes = sawtooths(random.random((SAMPLES, 2)), self.allowed)
         found = np.abs(self.goal.of(shapes, self.moved(shapes, {})))
@@ -88,8 +100,8 @@ class Searched(NamedTuple):
         return self._replace(scale=float(found.max()))
 
     def merits_of(self, family: Any) -> Any:
-        """Return the function for the merits of search points; `family` makes drives from points with
-        coordinates from 0 to 1."""
+        """Return the function that computes merits [n, conditions] from search points and indices of
+        conditions. `family` is `knots` or `sawtooths`, which makes drives from the points."""
 
         def found(x: Array, which: Index) -> Array:
             shapes = family(x, self.allowed)
@@ -98,12 +110,13 @@ class Searched(NamedTuple):
         return found
 
     def moved(self, shapes: Polygons, columns: Mapping[str, Array]) -> PeriodicMotions:
-        """Return the motion that the goal needs."""
+        """Return the periodic motions under drives, with the results that the goal needs, as
+        `design.moving.moved`; `columns` are parameters of the conditions by name."""
         return moved(self.model, shapes, columns, self.threads, extras=extras_of(self.goal))
 
     def merits(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
-        """Return the merits of drives and motions, to be maximised; below the minimum speed they are worse
-        than any above it."""
+        """Return the merits of drives with their motions, to be maximised, shape (n, conditions): the goal,
+        minus a penalty in proportion to a shortfall below the minimum speed."""
         merits = self.goal.sign * self.goal.of(shapes, moved)
         if self.minimum_speed:
             speeds = direction_of(self.goal) * moved.steps / shapes.period[:, None]
@@ -112,7 +125,12 @@ class Searched(NamedTuple):
         return merits
 
     def refuse_slow(self, speeds: Array, name: str = "") -> None:
-        """Raise QuantityError if a speed [conditions], m/s, is below the minimum; `name` names the drive."""
+        """Raise QuantityError if the worst speed, or the one at the quantile, is below the minimum speed.
+
+        Args:
+            speeds: speeds in all conditions, m/s.
+            name: name of the actuator in the message, if there are several.
+        """
         if not self.minimum_speed:
             return
         reached = float(np.quantile(direction_of(self.goal) * speeds, self.quantile))
@@ -124,15 +142,21 @@ class Searched(NamedTuple):
             )
 
     def chosen(self, best: Best, sawtooth: Polygons, spent: int) -> OptimisedWaveform:
-        """Return the best drive as the generator outputs it, or the sawtooth if that is better in any
-        condition."""
+        """Return the result: the best drive as the converter outputs it, or the sawtooth if the drive is
+        worse than the sawtooth in any condition.
+
+        Args:
+            best: result of the search for `knots`.
+            sawtooth: best sawtooth.
+            spent: number of periodic motions computed for the sawtooth.
+        """
         found = knots(best.x[None], self.allowed)
         candidates, saws = self.at_updates(found), self.at_updates(sawtooth)
         shapes = [*candidates, *saws]
         drives: list[Waveform] = [shape.one(0) for shape in shapes]
         played = self.played(drives)
         at_piezo = self.at_piezo(played)
-        # limits only differ by rounding
+        # The drive keeps the voltage limits except for rounding errors; the model would refuse even those.
         unbound = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
         found = exactly(unbound, at_piezo, self.conditions.columns, self.threads, extras_of(self.goal))
         merits = np.concatenate([self.merits(shape, found.of(i)) for i, shape in enumerate(shapes)])
@@ -154,7 +178,8 @@ class Searched(NamedTuple):
         return self.described(shapes, drives, played, at_piezo, found, k, saw, spent)
 
     def at_updates(self, shape: Polygons) -> list[Polygons]:
-        """Return the shape with the nearest two periods of whole updates; itself for a continuous output."""
+        """Return a drive with each of the two nearest periods that are whole numbers of the output's updates;
+        for an output without updates, the unchanged drive alone."""
         output = self.allowed.output
         if not output.updates:
             return [shape]
@@ -168,7 +193,8 @@ class Searched(NamedTuple):
         ]
 
     def played(self, drives: list[Waveform]) -> list[Waveform]:
-        """Return the drives as the converter plays them."""
+        """Return the drives as the converter outputs them, sampled at its updates; unchanged for an output
+        without updates."""
         output = self.allowed.output
         if not output.updates:
             return drives
@@ -177,7 +203,7 @@ class Searched(NamedTuple):
     def at_piezo(self, drives: list[Waveform]) -> list[Waveform]:
         """Return the drives behind the amplifier, as they reach the piezo."""
         output = self.allowed.output
-        if output.amplifier is None:  # without an amplifier the drives keep within the slope
+        if output.amplifier is None:  # the drives already keep the limit of slope
             return drives
         return [output.at_piezo(drive) for drive in drives]
 

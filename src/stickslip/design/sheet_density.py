@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 RATES_BELOW_RESONANCE = (
     20.0  # resonance over the step rate at which the step is measured, if the sheet does not give that rate
 )
-SHARE_OF_FRICTION = 0.98  # of F_C; with a larger load the contact slides without end
+SHARE_OF_FRICTION = 0.98  # largest simulated load over F_C; with a larger one the contact slides without end
 TOLERANCE = 1e-3  # of the simulations, as a fraction of the step
 
 
@@ -39,8 +39,12 @@ class Simulated(NamedTuple):
     """Inputs of the simulations for a sheet.
 
     Attributes:
-        step_rate, speed_rate: Hz, of the drives for the step and the speed; 0 without a speed.
-        data: compared numbers.
+        sheet: the data sheet.
+        expected: prior of the parameters.
+        model: actuator with the prior's central values.
+        step_rate, speed_rate: frequencies of the drives for the step and for the speed, Hz; `speed_rate` is 0
+            if the sheet gives neither a speed nor its frequency.
+        data: numbers of the sheet that are compared with simulations.
         deviation: standard deviation of the logarithm of each number.
     """
 
@@ -54,7 +58,8 @@ class Simulated(NamedTuple):
 
     @classmethod
     def of(cls, sheet: DataSheet, expected: Expectations) -> Simulated:
-        """Return the inputs; missing step rates follow from resonance, speed and step."""
+        """Return the inputs for a sheet. If the sheet does not give the frequency of the step or of the
+        speed, it follows from the resonance, or from speed over step."""
         middle = {name: float(one[0]) for name, one in expected.values(np.zeros((1, len(NAMES)))).items()}
         data = [Datum("step", sheet.step, "m")] if sheet.step is not None else []
         speed_rate = 0.0
@@ -78,7 +83,8 @@ class Simulated(NamedTuple):
         return Sawtooth(self.expected.high - self.expected.low, self.step_rate, offset=self.expected.low)
 
     def predicted(self, values: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the sheet's numbers for members, by name; NaN where a member does not walk forward."""
+        """Return the sheet's numbers as simulated, by name, arrays [members], SI; NaN for members that do not
+        walk forward. `values` are the members' parameters by name, arrays [members], SI."""
         free = self._steps(values, self.step_rate, 0.0)
         return {one.name: self._number(one.name, values, free) for one in self.data}
 
@@ -90,7 +96,13 @@ class Simulated(NamedTuple):
         return self._stall(values, free)
 
     def log_likelihood(self, points: Array, least: Array) -> Array:
-        """Return log likelihoods at standard normal points [n, k]; -inf if below `least` [n]."""
+        """Return log likelihoods of the sheet's numbers, [n].
+
+        Args:
+            points: coordinates of the parameters, standard normal in the prior, [n, k].
+            least: log likelihood below which a point is rejected anyway, [n]: -inf is returned for such a
+                point, and further numbers are not simulated for it.
+        """
         values, found = self.expected.values(points), np.zeros(len(points))
         if not self.data:
             return found
@@ -127,14 +139,21 @@ class Simulated(NamedTuple):
         return steps
 
     def _stall(self, values: Mapping[str, Array], free: Array) -> Array:
-        """Return the load at zero step, from the steps just below and above the sheet's stall force.
+        """Return the simulated stall force, N, [members]: the load at zero step, at most the Coulomb force;
+        NaN if the step does not decrease with the load.
 
-        Between the two loads the step is interpolated linearly; beyond them it is extrapolated.
+        It lies on a line through the steps at two loads, the sheet's stall force minus and plus its
+        tolerance. If there is no steady step at the upper load, the line goes through the steps without load
+        and at the lower load.
+
+        Args:
+            values: parameters of the members by name, arrays [members], SI.
+            free: steps without load, m, [members].
         """
         stall, force = float(self.sheet.stall_force or 0.0), values["coulomb_force"]
         low, high = stall / (1.0 + self.sheet.tolerance), stall * (1.0 + self.sheet.tolerance)
         below, above = (self._steps(values, self.step_rate, load) for load in (low, high))
-        first = np.where(np.isfinite(above), low, 0.0)  # the line passes through two known steps
+        first = np.where(np.isfinite(above), low, 0.0)  # without the upper step, use the step without load
         of_first = np.where(np.isfinite(above), below, free)
         second, of_second = (
             np.where(np.isfinite(above), high, low),
@@ -148,7 +167,8 @@ class Simulated(NamedTuple):
 
 
 def actuator_of(values: Mapping[str, float], expected: Expectations) -> Actuator:
-    """Return the actuator of values by name, with a LuGre contact without Stribeck effect."""
+    """Return the actuator with these parameters by name, SI, and a LuGre contact without Stribeck effect; its
+    voltage limits are those of the sheet's drive."""
     law = LuGre(
         sigma_0=values["sigma_0"],
         sigma_1=values["sigma_1"],

@@ -31,7 +31,7 @@ from .sheet_priors import NAMES, SHEET, UNITS, Expectations, expectations
 
 Array = NDArray[np.float64]
 
-COLUMNS = UNITS | {"stiction_force": "N"}  # columns of the samples
+COLUMNS = UNITS | {"stiction_force": "N"}  # parameters of the posterior and their units
 CHECKED = 200  # draws for which the sheet's numbers are computed again
 TOLD = 0.5  # width of an interval over the expected one, below which the sheet determines the parameter
 PERIODS, SAMPLES = 40, 200  # of a planned recording: periods of the step rate, samples per period
@@ -51,10 +51,10 @@ class SheetModel:
         dataset: over "parameter": value (of the model), low and high (95 %), expected_low and expected_high
             (95 % before the sheet was used), reason (of the expectation), and width. The width is the log
             ratio of the interval's ends over the same ratio of the expected interval. Over "quantity", the
-            sheet's numbers that follow from a simulation: stated, predicted (median), predicted_low and
-            predicted_high (95 %).
+            sheet's numbers that follow from a simulation: stated (by the sheet), of_model, predicted (median
+            of the draws), predicted_low and predicted_high (95 %).
         drive: for the sheet's step: a sawtooth over all voltages.
-        speed_rate: Hz, step rate of the sheet's speed; 0 without a speed.
+        speed_rate: step rate of the sheet's speed, Hz; 0 if the sheet gives neither a speed nor its rate.
         sources: of the numbers, by name.
         citations: keys of the references.
     """
@@ -70,14 +70,15 @@ class SheetModel:
 
     @property
     def determined(self) -> tuple[str, ...]:
-        """Parameters that the sheet prints or determines: intervals narrower than half of the expected."""
+        """Return the names of the parameters that the sheet prints, or determines to an interval (in the
+        logarithm) narrower than half of the expected one."""
         of = self.dataset
         printed = of["reason"].values == SHEET
         return tuple(of["parameter"].values[printed | (of["width"].values < TOLD)].tolist())
 
     @property
     def open(self) -> tuple[str, ...]:
-        """Parameters that the sheet does not determine."""
+        """Return the names of the parameters that the sheet does not determine."""
         known = self.determined
         return tuple(name for name in NAMES if name not in known)
 
@@ -237,7 +238,8 @@ def from_data_sheet(
 
 
 def _columns_of(expected: Expectations) -> Callable[[Array], dict[str, Array]]:
-    """Return a function from points to values by name; stiction equals the Coulomb friction."""
+    """Return the function that converts coordinates [n, k], standard normal in the prior, to parameters by
+    name, arrays [n], SI; the stiction force equals the Coulomb force."""
 
     def columns(points: Array) -> dict[str, Array]:
         values = expected.values(points)

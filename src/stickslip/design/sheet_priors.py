@@ -27,29 +27,31 @@ Array = NDArray[np.float64]
 
 # Standard deviations in half a 95 % interval.
 HALF = 1.959964
-# Prior values if the sheet prints nothing, and their factors for 68 %.
+# Prior values of numbers that the sheet does not print, and (OF_...) factors within which 68 % are expected.
 GAIN_OVER_STEP, OF_GAIN = 1.5, 1.5  # stroke over net step
-RESONANCE_OVER_RATE, LEAST_RESONANCE, OF_RESONANCE = 5.0, 500.0, 3.0  # over the step rate; Hz
-DAMPING, OF_DAMPING = 0.15, 3.0  # of the stage
+# resonance over step rate, and lowest assumed resonance, Hz
+RESONANCE_OVER_RATE, LEAST_RESONANCE, OF_RESONANCE = 5.0, 500.0, 3.0
+DAMPING, OF_DAMPING = 0.15, 3.0  # damping ratio of the stage
 FRICTION_OVER_STALL, OF_FRICTION = 2.0, 2.0
 ACCELERATION, OF_ACCELERATION = 5.0, 3.0  # F_C / m_e, m/s^2
-MASS, OF_MASS = 0.05, 3.0  # kg
+MASS, OF_MASS = 0.05, 3.0  # moved mass, kg
 PRESLIDING_SHARE, OF_PRESLIDING = 0.1, 3.0  # F_C / sigma_0 over the net step
 BRISTLE_DAMPING, OF_BRISTLE = 0.1, 3.0
 STAGE_OVER_MOVED, OF_STAGE = 1.0, 3.0  # effective mass of the stage over the moved mass
-VOLTAGE = 100.0  # V, for a sheet without a voltage: the gain is then per this voltage
+VOLTAGE = 100.0  # voltage range, V, that is assumed for a sheet without a voltage
 SHEET = "printed"
 
 
 class Expected(NamedTuple):
-    """A value in SI, the factor within which 68 % are expected either way, and the reason."""
+    """Prior of one parameter: its central value, SI; the factor within which 68 % of actuators are expected
+    on either side; and the reason in words, `SHEET` for a printed number."""
 
     value: float
     factor: float
     reason: str
 
 
-# In the order of the sampled coordinates.
+# Names of the sampled parameters, in the order of their coordinates.
 NAMES = (
     "gain", "natural_frequency", "damping_ratio", "end_effector_mass", "stage_mass", "coulomb_force",
     "sigma_0", "sigma_1",
@@ -61,20 +63,22 @@ UNITS = {
 
 
 class Expectations(NamedTuple):
-    """Prior of each coordinate, and the voltages of the sheet's drive.
+    """Prior of each coordinate, and the voltage range of the sheet's drive (`low` to `high`, V).
 
-    `known` has one `Expected` per name of `NAMES`. "sigma_0" is F_C/σ_0 [m], "sigma_1" the damping ratio of
-    the bristle. Masses that the sheet does not print are F_C/m_e [m/s²] and m/m_e.
+    `known` has an `Expected` for each name in `NAMES`. Some are for another quantity than the name says:
+    "sigma_0" for F_C/σ_0 [m], and "sigma_1" for the damping ratio of the bristle. Without a printed mass,
+    "end_effector_mass" is for F_C/m_e [m/s²], and without a printed stiffness "stage_mass" is for the stage's
+    mass over m_e.
     """
 
     known: Mapping[str, Expected]
     low: float
     high: float
-    mass_of_force: bool  # True: the moved mass follows from the friction
-    stiffness: float | None  # N/m; the stage's mass is this over ω_n²
+    mass_of_force: bool  # True: the moved mass is not printed, and follows from the friction force
+    stiffness: float | None  # printed stiffness, N/m; the stage's mass is then stiffness / ω_n²
 
     def values(self, points: Array) -> dict[str, Array]:
-        """Return the parameters in SI at standard normal coordinates [n, k]."""
+        """Return the parameters by name, SI, arrays [n], at standard normal coordinates [n, k]."""
         found = {
             name: self.known[name].value * self.known[name].factor ** points[:, i]
             for i, name in enumerate(NAMES)
@@ -93,7 +97,7 @@ class Expectations(NamedTuple):
 
 
 def expectations(sheet: DataSheet) -> Expectations:
-    """Return the prior for a sheet.
+    """Return the prior of an actuator's parameters that follows from a data sheet.
 
     Raises:
         QuantityError: the sheet has neither a step, nor a stroke, nor a speed with its step rate.

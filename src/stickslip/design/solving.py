@@ -23,9 +23,10 @@ Array = NDArray[np.float64]
 
 STATUS = (*OF_ORBITS, "not_computed")
 NOT_COMPUTED = len(OF_ORBITS)
-# Approximate number of members in one call, if there are draws of few points.
+# Approximate number of members that are computed in one call for intervals: if the map has few points,
+# several draws are computed together.
 AT_ONCE = 4096
-# Share of draws that must have a steady step for an interval.
+# Smallest share of draws with a steady step for which an interval is given.
 ENOUGH = 0.9
 LEVEL = 0.95
 
@@ -34,8 +35,9 @@ Common = tuple[Actuator, Waveform, Mapping[str, Array], float, Any, int | None, 
 
 
 class Solved(NamedTuple):
-    """Results at all points of a map: net steps and errors [m], further quantities `beside` (see
-    `design.motion`), status and reasons."""
+    """Results at all points of a map, arrays [points]: net steps [m] and their error estimates [m]; further
+    results by name (`beside`, see `design.motion`); status (index of `STATUS`); reasons in words; and True if
+    the computation was interrupted."""
 
     steps: Array
     errors: Array
@@ -56,7 +58,16 @@ def solved(
     progress: Progress,
     extras: tuple[str, ...] = (),
 ) -> Solved:
-    """Return the steady steps of all points; an interruption ends the computation early.
+    """Return the steady steps of all points. After Ctrl-C the finished points are returned, and the others
+    have the status `NOT_COMPUTED`.
+
+    Args:
+        model, waveform, normal_load, output: as for `step_map`.
+        columns: varied fields of model and drive by name, arrays [points], SI.
+        tolerance: tolerance of the net step, m.
+        threads: number of threads; None: one per processor.
+        progress: called after each block of points with activity and finished fraction.
+        extras: names of further results: "backlash", "backward_rate", "ringing", "ripple".
 
     Raises:
         QuantityError: see `orbit_blocks`.
@@ -91,8 +102,16 @@ def solved(
 def intervals(
     common: Common, drawn: Mapping[str, Array], progress: Progress
 ) -> tuple[Array, Array, NDArray[np.int64], bool]:
-    """Return both ends of the 95 % intervals of the net step at each point [m], the number of draws with a
-    step, and True if it was stopped. After a stop, the finished draws count if there are enough."""
+    """Return both ends of the 95 % interval of the net step at each point [m], the number of draws with a
+    steady step there, and True if Ctrl-C stopped the computation.
+
+    After a stop the ends are NaN, unless enough draws are finished.
+
+    Args:
+        common: arguments of `solved` that are the same for all draws.
+        drawn: draws of the parameters by name, arrays [draws], SI.
+        progress: called with activity and finished fraction.
+    """
     model, waveform, columns, tolerance, normal_load, threads, output = common
     points, draws = next(iter(columns.values())).size, next(iter(drawn.values())).size
     together = max(1, AT_ONCE // points)
@@ -121,8 +140,8 @@ def intervals(
 
 
 def ends(steps: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return both ends of the 95 % intervals of net steps [draws, points], and the number of draws with a
-    step at each point; NaN for too few draws."""
+    """Return both ends of the 95 % interval at each point, from net steps [draws, points], and the number of
+    draws with a steady step there; the ends are NaN if fewer than `ENOUGH` of the draws have one."""
     draws, points = steps.shape
     count, low, high = np.isfinite(steps).sum(axis=0), np.full(points, np.nan), np.full(points, np.nan)
     fine = count >= ENOUGH * draws

@@ -49,7 +49,8 @@ class DesignSpace(NamedTuple):
         return [_quantity(self.model, name).unit for name in self.names]
 
     def values(self, x: Array) -> Array:
-        """Return the values at shares [n, names] of the ranges."""
+        """Return the values of the parameters [n, names], SI, at positions `x` [n, names] in their ranges,
+        each from 0 to 1; the scale is logarithmic for a wide range."""
         log = self.logarithmic
         low, high = np.where(log, self.low, 1.0), np.where(log, self.high, 1.0)
         return np.where(log, low * (high / low) ** x, self.low + x * (self.high - self.low))
@@ -63,10 +64,13 @@ class DesignSpace(NamedTuple):
         return np.where(log, np.log(np.where(log, inside, 1.0) / low) / np.log(high / low), even)
 
     def columns(self, values: Array, conditions: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the values of candidates [n, names] in every condition, [n, conditions] by name for all that
-        vary.
+        """Return all varied fields of the model by name, arrays [n, conditions].
 
-        A condition changes the candidate's value in the same proportion as the model's own.
+        A condition changes a candidate's value in the same proportion as the model's own value.
+
+        Args:
+            values: values of the free parameters of each candidate, SI, [n, names].
+            conditions: values in each condition by name, arrays [conditions].
         """
         count = max([1, *(column.size for column in conditions.values())])
         made = {name: np.tile(column, (len(values), 1)) for name, column in conditions.items()}
@@ -129,7 +133,7 @@ def _range(model: Actuator, name: str, given: Any) -> tuple[float, float]:
 
 
 def _quantity(model: Actuator, name: str) -> Quantity:
-    """Return the quantity of a name."""
+    """Return the unit and range (`Quantity`) of a field of the model, its law, or "stage_stiffness"."""
     if name == STIFFNESS:
         return Quantity("N/m", "k", "stiffness of the stage", above=0)
     element = element_of(model.friction, name)

@@ -31,7 +31,7 @@ from ..study.drawn import draws_in_si
 from .information import FitSpace
 
 SAMPLE_RATE = 2e3  # Hz, default sample rate
-# Number of draws from the posterior of a fit, and largest number of given draws.
+# Default number of draws from the normal distribution of a fit, and largest number of draws that are used.
 DRAWS, MOST_DRAWS = 8, 32
 
 Array = NDArray[np.float64]
@@ -53,11 +53,12 @@ class Start:
 
     @property
     def free(self) -> list[str]:
-        """Free parameters of the actuator."""
+        """Return the names of the free parameters of the actuator, without those of the position channel."""
         return [name for name in self.space.names if name not in CHANNEL]
 
     def at(self, values: Values) -> Start:
-        """Return the same with other values of the actuator; the channel is unchanged."""
+        """Return the starting point with other values of the actuator, by name; the position channel is
+        unchanged."""
         own = {name: x for name, x in values.items() if name not in CHANNEL}
         moved = tuple(_moved(p, own.get(p.name, p.start)) for p in self.space.parameters)
         every = self.space.ties({**{p.name: p.start for p in moved}, **own})
@@ -137,7 +138,8 @@ def _space(
 
 
 def _parameter(model: Actuator, name: str) -> Parameter:
-    """Return a parameter at the model's value, of any sign. A plan does not search, so it needs no bounds."""
+    """Return a parameter of the model, by name, at the model's value: on a logarithmic scale if it is
+    positive, otherwise on a linear one. A plan does not search, so the parameter has no bounds."""
     value, quantity = value_of(model, name)
     if quantity is None or value > 0.0:
         return _moved(parameter(model, name, {}, coordinate_of(model)), value)
@@ -181,7 +183,14 @@ def _rate(fit: Fit | None) -> float | None:
 def draws_of(
     begin: Start, source: Any, draws: int | Posterior | Mapping[str, Any] | None, seed: int
 ) -> list[Start]:
-    """Return the starting point with the model's own values, then with other possible values.
+    """Return the starting point with the model's own values, and then with each draw of other values.
+
+    Args:
+        begin: starting point of the plan.
+        source: actuator or fit from which the plan starts.
+        draws: number of draws from the fit, posterior, or arrays by name; None: 8 for a fit, none for an
+            actuator.
+        seed: seed of the draws from a fit.
 
     Raises:
         QuantityError: the draws belong to another model, or there is nothing to draw from.
@@ -224,7 +233,8 @@ def _given(begin: Start, samples: Mapping[str, Any]) -> list[Values]:
 
 
 def _drawn(begin: Start, fit: Fit, count: int, seed: int) -> list[Values]:
-    """Return draws from the normal distribution in the coordinates of a fit, within its bounds."""
+    """Return draws from the normal distribution of a fit's coordinates, as parameter values by name, clipped
+    at the fit's bounds; coordinates without a finite variance keep the estimate."""
     spread = fit.uncertainty.covariance
     sure = np.isfinite(np.diag(spread))
     random = np.random.default_rng(seed)

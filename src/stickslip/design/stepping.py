@@ -60,7 +60,7 @@ def minimum_voltage(
 
     At higher voltage the step may decrease again (at high frequencies it does). This is the first voltage at
     which it is reached, and a `SimulationWarning` names the voltage above which it is not. A step that is
-    reached only between two of 64 evenly spaced voltages is not found.
+    reached only between two of 65 evenly spaced voltages is not found.
 
     Args:
         model: the actuator.
@@ -142,7 +142,7 @@ def blocking_force(
         model, waveform, output: as for `step_map`.
         max_load: end of the search, N; by default the largest force that the contact holds at rest, plus the
             weight.
-        tolerance: N; with a load lower by this amount it still walks.
+        tolerance: N; with a load lower by this amount the actuator still walks.
 
     Raises:
         SimulationError: it does not walk without a load, does not stop up to `max_load`, or has no steady
@@ -176,7 +176,8 @@ def blocking_force(
             f"it still steps by {with_prefix(float(found[-1]), length)} against {most:g} {unit}: look "
             "farther, with max_load"
         )
-    # A load that the contact cannot hold drags it away without end; this is not a walk, and needs no warning.
+    # A NaN step here means a load that the contact cannot hold: the end-effector is dragged away without end.
+    # This is no further crossing, and needs no warning.
     _warn_of_others(np.nan_to_num(-found), at, first, unit, "it stops at {}, and walks on again at {}")
     low, high = at[first - 1], at[first]
     for _ in range(ROUNDS):
@@ -280,7 +281,8 @@ def load_speed_curve(
 
 
 def _held(model: Actuator) -> float:
-    """Return a load that no contact at rest holds, N."""
+    """Return the largest load that the contact can hold at rest, N: its breakaway force plus the weight along
+    the axis. It is the end of the search for the blocking force."""
     law = model.friction
     if not elements(law):
         return float(breakaway(law)) + abs(model.axial_force)
@@ -296,7 +298,8 @@ def _positive(value: float | str, unit: str, field: str) -> float:
 
 
 def _highest_voltage(model: Actuator, waveform: Waveform | None, asked: float | None) -> float:
-    """Return the highest voltage, V: `asked`, within the model's range above the rest of the drive."""
+    """Return the end of a search, V above the lowest voltage of the drive: `asked`, or by default the whole
+    range of the model above that voltage; raise QuantityError if `asked` exceeds the range."""
     rest = waveform.range()[0] if waveform is not None else Sawtooth(1.0, 1.0).offset
     most = model.max_voltage - max(rest, model.min_voltage)
     if asked is not None:
@@ -322,7 +325,16 @@ def _refuse_none(found: Array, at: Array, words: str, unit: str) -> None:
 
 
 def _warn_of_others(found: Array, at: Array, first: int, unit: str, words: str) -> None:
-    """Warn if values that are non-negative after index `first` become negative again, or are unknown."""
+    """Warn if there may be other crossings: `found` becomes negative again after index `first`, or is NaN at
+    some point of the scan.
+
+    Args:
+        found: values at the points of the scan.
+        at: voltages or loads of the points, in `unit`.
+        first: index of the first point with a value that is not negative.
+        unit: unit of `at`.
+        words: sentence with two places: for the first crossing, and for the point beyond which it is undone.
+    """
     later = np.flatnonzero(found[first:] < 0.0)
     unknown = np.flatnonzero(~np.isfinite(found))
     if later.size:

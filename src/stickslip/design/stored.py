@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class Stored(NamedTuple):
-    """Folder of a map's stores, and the address of a dask scheduler, if one is used."""
+    """Folder with the stores of a map, and address of the dask scheduler that computes them; None: none."""
 
     folder: Path
     scheduler: str | None
@@ -27,8 +27,14 @@ class Stored(NamedTuple):
 def solved_in_store(
     common: Common, stored: Stored, progress: Progress, drawn: Mapping[str, Array] | None = None
 ) -> Solved:
-    """Compute all points, or all draws and points, as `solved` does; results that are in the store are read
-    from it.
+    """Return the steady steps of all points, or of all draws and points; results that are in the store are
+    read from it, the others are computed and stored.
+
+    Args:
+        common: arguments of the computation, as for `solved`.
+        stored: folder, and scheduler if any.
+        progress: called with activity and finished fraction.
+        drawn: draws of the parameters by name, arrays [draws], SI; None: the points alone.
 
     Raises:
         StudyDiffers, StudyError: see `run_study`.

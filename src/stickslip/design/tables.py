@@ -27,9 +27,9 @@ class StepTable(NamedTuple):
         voltages: V, ascending, from the least to the greatest value of the drive.
         steps: net step per period, in `unit`.
         low, high: ends of the 95 % band of the step; NaN if the map has no fit.
-        interpolation_error: largest error of interpolation over every second point. Unless the step is rough,
-            it exceeds the error of the full table.
-        conditions: frequency, load and direction in words.
+        interpolation_error: largest deviation of the steps from a linear interpolation between every second
+            point, in `unit`. Unless the step is rough, it exceeds the interpolation error of the full table.
+        conditions: frequency, load, direction and drive in words.
         title: name of the actuator.
         unit: unit of steps and band: m, or rad for a rotary actuator.
     """
@@ -51,8 +51,8 @@ def step_table(step_map: xr.Dataset) -> StepTable:
     Points without a steady step at either end are left out.
 
     Raises:
-        QuantityError: the map has other dimensions, has fewer than three points with a steady step, or has
-            one without between them.
+        QuantityError: the map has other dimensions, has fewer than three points with a steady step, or has a
+            point without a steady step between two with one.
     """
     if "net_step" not in step_map or step_map["net_step"].dims != ("voltage",):
         dims = step_map["net_step"].dims if "net_step" in step_map else tuple(step_map.sizes)
@@ -87,7 +87,8 @@ def step_table(step_map: xr.Dataset) -> StepTable:
 
 
 def step_at(table: StepTable, voltage: ArrayLike) -> tuple[Array, Array, Array]:
-    """Return step and both ends of its band at voltages [V], arrays of their shape; NaN outside the table."""
+    """Return the net step and both ends of its 95 % band at voltages [V], arrays of their shape, in the unit
+    of the table; NaN outside the table."""
     volts = array_si(voltage, "V", "voltage")
     found = [
         np.interp(volts, table.voltages, column, left=np.nan, right=np.nan)

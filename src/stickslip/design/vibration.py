@@ -48,10 +48,11 @@ def _corners(shapes: Polygons) -> Array:
 
 
 def audible(shapes: Polygons) -> int:
-    """Return the number of audible harmonics of all the polygons.
+    """Return the number of harmonics for the noise of all polygons: those of the slowest one up to 20 kHz,
+    and at least `HARMONICS`.
 
     Raises:
-        QuantityError: too many, of a slow drive.
+        QuantityError: the drive is so slow that there are more than `MOST`.
     """
     slowest = 1.0 / float(shapes.period.max())
     if not slowest * MOST >= HEARD:
@@ -65,7 +66,8 @@ def audible(shapes: Polygons) -> int:
 def acceleration(
     shapes: Polygons, gain: float, natural: float, damping: float, count: int = HARMONICS
 ) -> NDArray[np.complex128]:
-    """Return harmonics 1 to `count` of the stage's acceleration, m/s^2, [n, count]; see the module.
+    """Return harmonics 1 to `count` of the stage's acceleration, complex amplitudes in m/s^2, [n, count]; see
+    the module for the equation.
 
     Args:
         shapes: polygons of the drive voltage.
@@ -85,7 +87,14 @@ def acceleration(
 
 
 def least_acceleration(shapes: Polygons, gain: float, natural: float, damping: float) -> Array:
-    """Return the least value of the stage's acceleration over a period, m/s^2, [n]; see the module."""
+    """Return the least (most negative) acceleration of the stage over a period, m/s^2, [n]; see the module.
+
+    Args:
+        shapes: polygons of the drive voltage.
+        gain: gain of the stage, m/V.
+        natural: natural frequency of the stage, rad/s.
+        damping: damping ratio.
+    """
     root = np.emath.sqrt(damping**2 - 1.0)
     root = root if abs(root) > APART else APART
     poles = natural * np.array([root - damping, -root - damping], dtype=complex)

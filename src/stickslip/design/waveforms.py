@@ -57,7 +57,8 @@ def optimise_waveform(
         goal: "speed", or one of the goals in `stickslip.design`.
         knots: number of values within a period.
         max_voltage, min_voltage: V; by default those of the model (from 0 V if it has no minimum).
-        frequency: range (low, high), Hz; by default around those of stage and contact.
+        frequency: range (low, high), Hz; by default around the stage's natural frequency, and the frequency
+            at which friction can just accelerate the end-effector over the stroke.
         output: limits of slope and current, amplifier and updates. With an update rate, the period is a whole
             number of updates, and the output of the converter counts.
         scenarios: further conditions, such as loads or detuning; see `Scenario`.
@@ -65,7 +66,8 @@ def optimise_waveform(
         quantile: quantile over the conditions, such as 0.05, instead of the worst.
         minimum_speed: m/s, in every condition (or at the quantile), towards +x or in the direction of the
             goal; required by goals that are best without motion.
-        budget: number of candidates in the first search; later ones, with more conditions, take a sixth.
+        budget: number of candidates in the first search. With several conditions, further rounds compute up
+            to half as many, and then up to a sixth.
         seed: seed of search and draws.
         threads: number; by default all processors.
         progress: called during the search.
@@ -117,7 +119,8 @@ def check_model(model: Any) -> None:
 
 
 def least_of(value: float | str | None, unit: str, field: str) -> float:
-    """Return the required minimum; 0 without one."""
+    """Return a required minimum (speed or force) in SI, checked to be >= 0; 0 if none is given. `unit` is its
+    unit, `field` its name in errors."""
     return 0.0 if value is None else Quantity(unit, "", "it", minimum=0).check(value, field)
 
 
