@@ -125,8 +125,8 @@ def filter_and_walk(pieces: Sequence[Array], walks: bool = True) -> tuple[Array,
         left = [_without_walk(r, walk) for r in pieces]
         beside = autoregression(left)
         level = walk * float(np.mean(np.concatenate(left) ** 2))
-        # Noise with a short memory resembles a random walk, and a random walk resembles noise with a long
-        # memory.
+        # Autoregressive noise and a random walk resemble each other, so Schwarz's criterion decides whether
+        # the random walk is included.
         if _criterion(pieces, *beside, level) < _criterion(pieces, *found):
             found, steps = beside, level
     return *found, steps
@@ -175,7 +175,8 @@ def _walk(pieces: Sequence[Array]) -> float:
     best: Any = scipy.optimize.minimize_scalar(
         lambda x: found(x)[0], bounds=range_, method="bounded", options={"xatol": 0.05}
     )
-    # Half of the chi-squared of a quantity that cannot be negative: 5 % false alarms.
+    # A variance cannot be negative, so white noise exceeds this 90 % quantile of chi-squared in 5 % of all
+    # cases.
     return math.exp(best.x) if found(range_[0])[0] - best.fun > 2.7 else 0.0
 
 
@@ -228,7 +229,8 @@ def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
     of_data, of_priors = np.split(directions, [count])
     wide = np.concatenate([one.widening for one in fit.jitter[:in_time]]) / noise_of_data(fit)[:count]
     power = scores(np.split(of_data * wide[:, None], ends), noise)
-    # exact for white noise, because residuals are smaller than the noise
+    # Residuals are smaller than the noise, because the fit adapts to it; this factor is exact for white
+    # noise.
     power *= fit.n_data / fit.degrees_of_freedom
     spread = root @ (power + of_priors.T @ of_priors) @ root.T
     spread[lost, :] = spread[:, lost] = 0.0

@@ -111,8 +111,9 @@ class Disturbance(NamedTuple):
         return f"{by}; the intervals are not to be trusted: {ADVICE[self.kind]}"
 
     def shapes(self, times: Array) -> Array:
-        """Return the time courses that describe the fault at the times [n], shape (n, k); no column for
-        jitter and drift."""
+        """Return the time courses that describe the fault at the times [n], s, shape (n, k): a step for a
+        jump, cosine and sine for hum, one column per sample for the other kinds; no column for jitter and
+        drift."""
         if self.kind == "jump":
             return (times >= self.when).astype(float)[:, None]
         if self.kind == "hum":

@@ -52,8 +52,8 @@ def walk_and_white(
 
 
 def sine_powers(r: Array) -> tuple[Array, Array]:
-    """Return angular frequencies [rad per sample] and the power of the differences of r in a sine basis at
-    them."""
+    """Return angular frequencies [rad per sample], and the power of the sample-to-sample differences of r [n]
+    in a sine basis at these frequencies, both of shape (n - 1,)."""
     return np.pi * np.arange(1, r.size) / r.size, _sines(np.diff(r)) ** 2
 
 

@@ -67,7 +67,8 @@ def points(parameter: Parameter) -> Array:
 
 
 def mixture(fits: Sequence[Held]) -> WeightedPoints:
-    """Return the weighted average over fits, ordered by their fixed coordinates."""
+    """Return the weighted average over fits that are in the order of their fixed coordinates. A weight is the
+    exponential of the log weight times the distance between neighbouring fixed coordinates."""
     at = np.array([fit.at for fit in fits])
     widths = np.abs(np.gradient(at)) if at.size > 1 else np.ones(1)
     widths[[0, -1]] *= 0.5
@@ -113,7 +114,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         return values_at([p, *others], np.append(best.at, best.others))
     value = p.value(float(found.mean[-1]))
     alone, _ = hold(value, values_at(others, found.mean[:-1]))
-    # `alone` contains the fixed coordinate among the others.
+    # The mixture has the fixed coordinate last, the fit at `place`.
     order, none = np.insert(np.arange(len(others)), place, len(others)), np.zeros(len(others) + 1)
     return replace(
         alone,
@@ -128,7 +129,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
             np.array([q.coordinate(alone.values.get(q.name, value)) for q in fit.parameters]),
         ),
         degrees_of_freedom=fit.degrees_of_freedom,
-        log_likelihood=path.log_likelihood,  # criteria compare models at their minima
+        log_likelihood=path.log_likelihood,  # information criteria compare models at their minima
         n_evaluations=fit.n_evaluations + path.evaluations + alone.n_evaluations,
         message=f"{alone.message}; {name}, which is hardly determined, at its mean over all that fits",
         starts=fit.starts,

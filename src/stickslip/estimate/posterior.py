@@ -201,7 +201,7 @@ def _described(
     log_chance = np.log(np.random.default_rng(seed).random(weights.shape))
     at, path = np.zeros(CHAINS, int), np.zeros(weights.shape, int)
     for i in range(1, weights.shape[1]):
-        with np.errstate(invalid="ignore"):  # -inf minus -inf is NaN: the point is kept
+        with np.errstate(invalid="ignore"):  # -inf minus -inf is NaN: the chain keeps its point
             at = np.where(log_chance[:, i] < weights[:, i] - weights[chains, at], i, at)
         path[:, i] = at
     accepted = float(np.mean(path == np.arange(weights.shape[1])))

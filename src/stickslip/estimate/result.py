@@ -283,7 +283,8 @@ class Fit:
         return math.log(self.n_data) * self.n_estimated - 2 * self.log_likelihood
 
     def derived(self, quantity: Callable[[Values], float]) -> tuple[float, float]:
-        """Return value and standard error of a quantity computed from the values, linearised.
+        """Return value and standard error of a quantity computed from the values, linearised. `quantity` is a
+        function of the values by name, in SI.
 
         Parameters at a bound are taken as exact.
         """

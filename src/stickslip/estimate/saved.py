@@ -30,7 +30,8 @@ TYPE = "type"
 def packed(item: Any) -> Any:
     """Return an item in a form that JSON can represent.
 
-    Records get the name of their type, arrays and datasets become lists, a bound method becomes its owner.
+    Records get the name of their type. Arrays and datasets become nested lists with their kind of number, and
+    a bound method becomes its owner and its name.
 
     Raises:
         TypeError: the item contains an unsupported type.

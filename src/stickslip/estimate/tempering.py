@@ -28,7 +28,7 @@ LogLikelihood = Callable[[Array, Array], Array]
 
 KEPT = 0.6  # effective fraction of the points that remains at each level
 MOVES, LAST_MOVES = 2, 16  # pairs of Metropolis steps at each level, and at the last one
-MOST_LEVELS = 60
+MOST_LEVELS = 60  # largest number of exponents β from prior to posterior
 WANTED_ACCEPTANCE = 0.25  # for random walks in several dimensions [gelman1997]
 START = 4  # number of prior points per draw
 AGREEING = 1.1  # largest R-hat at which independent runs agree [gelman1992]
@@ -203,7 +203,7 @@ def _described(
     levels: int,
     random: np.random.Generator,
 ) -> Posterior:
-    for run in range(CHAINS):  # the order is meaningless, but copies are neighbours
+    for run in range(CHAINS):  # shuffle, because copies of a point are neighbours
         order = random.permutation(z.shape[1])
         z[run], found[run] = z[run][order], found[run][order]
     values = columns(z.reshape(-1, z.shape[2]))

@@ -133,7 +133,7 @@ class Ties:
     def _check_units(self, known: Mapping[str, Parameter]) -> None:
         for name, tree in self._order:
             p = known[name]
-            # Any numbers will do, except those whose difference is 0.
+            # Only units are checked. The numbers differ, so that no difference in the expression is 0.
             needs = enumerate(names_in(p.tied, name))
             units = {n: with_unit(f"{1.37 + 0.11 * i} {known[n].unit}") for i, n in needs}
             said = f"{name} is tied to {p.tied!r}, "

@@ -50,7 +50,7 @@ from ...waveform.signal import Waveform
 CREEPING, SLOW, FAST = 1e-8, 1e-5, 1e-2
 _LOW, _HIGH = 0.1, 0.4  # ends of the oscillating load, relative to the sliding force
 _LOAD_SPRING, _LOAD_FREQUENCY = 50.0, 5.0  # N/m, Hz: softer than any contact, and slower than its resonance
-_PULL_SPRING, _PULL_SPEED = 1e3, 1e-3  # N/m, m/s
+_PULL_SPRING, _PULL_SPEED = 1e3, 1e-3  # N/m, m/s: of the spring in `_breakaway`
 _PERIODS = 8  # number of simulated periods of the drive
 
 

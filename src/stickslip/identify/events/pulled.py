@@ -138,9 +138,9 @@ class Events:
 def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_ratio") -> Events:
     """Return the stick-slip events in a recording of the spring force over the weight.
 
-    A median filter over an eighth of a slip removes impulsive noise. An event is a fall of more than 8 % of
-    the mean force that also exceeds the range of the filtered white noise. Tops closer than half a natural
-    period count as one.
+    A median filter over an eighth of a natural period removes impulsive noise. An event is a fall of more
+    than 8 % of the mean force that also exceeds the range of the filtered white noise. Tops closer than half
+    a natural period count as one.
 
     Raises:
         FitError: the recording has fewer than 16 samples in half a natural period; or the channel is missing,
@@ -254,6 +254,15 @@ def identify_pulled_slider(
     zeta of the excess (2.5 % of itself at 0.05, where the excess is a third of it). The intervals contain
     neither error.
 
+    Args:
+        recording: with the spring force over the slider's weight.
+        rig: mass, spring and speed of the set-up.
+        channel: name of that channel.
+        tied: expression of the tied coefficient.
+
+    Returns:
+        A fit of dynamic_coefficient and stiction_excess, the static minus the dynamic coefficient.
+
     Raises:
         QuantityError: an expression in `tied` is wrong.
         RecordingError: the force has the wrong size for this spring.
@@ -303,7 +312,14 @@ def identify_pulled_slider(
 
 
 def _shift(clean: xr.Dataset, rig: PulledRig, noise: float, repeats: int) -> NDArray[np.floating]:
-    """Return the shifts of the mean top, bottom and period of events by noise of this standard deviation."""
+    """Return the shifts of the mean top, bottom and period of events by white noise, shape (3,).
+
+    Args:
+        clean: simulated recording without noise, with `force_ratio`.
+        rig: set-up that pulls the slider.
+        noise: standard deviation of the force over the weight.
+        repeats: number of random repetitions.
+    """
     rng, true = np.random.default_rng(0), slip_events(clean, rig).summary()[0]
     shifts = []
     for _ in range(repeats):

@@ -127,8 +127,8 @@ def _ring(window: VibrationWindow, interval: float) -> tuple[float, float, float
     n, span, power = window.time.size, window.time[-1], float(window.mean @ window.mean)
     unexplained = [(float(np.sum(window.left(q) ** 2)), q) for q in _starts(window, interval)]
     starts = [q for _, q in sorted(unexplained, key=lambda one: one[0])]
-    # A significant vibration has twice this power at the optimum, and more than half of it at an initial
-    # guess.
+    # Check before the fits. A vibration of SIGNIFICANT standard errors lowers the sum of squares by twice
+    # this limit at the optimum, and by more than half of that at an initial guess.
     if not starts or power - min(one for one, _ in unexplained) < SIGNIFICANT**2 * window.noise**2:
         return None
     scale = math.sqrt(power / n)

@@ -279,7 +279,8 @@ class _Levels:
         return [Design(matrix, tangent)] * (self.outputs.size * self.inputs.size)
 
     def _split(self, values: Values) -> tuple[Array, Array, float]:
-        """Split the values into poles and delay at the reference, the slopes of these, and the exponent."""
+        """Return poles and delay at the reference amplitude, their slopes (0 for the delay), and the exponent
+        of the amplitude law, from the values by name."""
         given = np.array([values[name] for name in self.names])
         n = 2 * self.n_modes + 1
         return given[:n], np.append(given[n:-1], 0.0), float(given[-1])

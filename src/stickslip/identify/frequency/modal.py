@@ -249,7 +249,7 @@ def _found(response: xr.Dataset, n_modes: int, kind: ModalForm) -> tuple[list[tu
         model = min(tried, key=lambda fit: fit.cost).model
         starts = list(zip(model.natural_frequency / (2 * np.pi), model.damping_ratio, strict=True))
         delay, left = model.delay, measured - modal_response(model, frequency)
-    return starts, float(np.clip(delay, -longest, longest))  # thinning may have removed the highest frequency
+    return starts, float(np.clip(delay, -longest, longest))  # thinned responses allow longer delays
 
 
 def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[float]:

@@ -136,7 +136,8 @@ def _left(
     for g, left, drawn, force, (a, x) in zip(
         fit.recordings, fit.residuals, by_position, forces, moved, strict=True
     ):
-        # Few random draws contain the unlikely signs, of which one in many windows is expected.
+        # A few random draws rarely contain an unlikely sign of the velocity, but some of many windows do. So
+        # the variance of the uncertain signs is a lower limit.
         variance = np.maximum(drawn, a.unsure(x) * fit.values["coulomb_force"] ** 2)
         white = white_noise(force) * float(np.linalg.norm(a.shape))
         words = (g.name, g.unit, "averages", "another force acts, or the friction has another form")

@@ -59,7 +59,8 @@ def profile_points(
 
 
 def stiffness_of(fit: Fit) -> str | None:
-    """Return the name of the law's stiffness, unless the user has given its bounds; else None."""
+    """Return the name of the law's stiffness; None if the user has given its bounds, if the law has several
+    stiffnesses, or if nothing else is fitted."""
     names = [p.name for p in fit.parameters if p.unit in ("N/m", "N m/rad") and p.limits is not None]
     return names[0] if len(names) == 1 and len(fit.parameters) > 1 else None
 
@@ -143,7 +144,7 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
     else:  # the points end where two are rejected; if the last one fits, values beyond it do, too
         ends = min(tried := [one.values[name] for one in (fit, *points)]), max(tried)
     for one in points:
-        # With the value fixed, the fit contains no prior of it.
+        # A fit with the value fixed does not contain the value's prior, so the prior's cost is added.
         value = one.values[name]
         cost = one.cost + p.prior_cost(p.coordinate(value))
         excess = max(cost - fit.cost, 0.0) / variance / less if variance > 0.0 else 0.0

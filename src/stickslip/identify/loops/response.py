@@ -105,7 +105,7 @@ def response_of(
                 initial_force=begin,
                 initial_velocity=float(velocity[0]) if begin else 0.0,
             )
-        except SimulationError as error:  # a fit treats this as a trial point without a model
+        except SimulationError as error:  # a fit then shortens its step
             raise ArithmeticError(str(error)) from error
         force = found.force[at]
         states = found.states[at] if elements(law) else np.sign(force)[:, None]

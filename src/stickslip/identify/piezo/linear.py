@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from .columns import Columns, PlayGrid
 
-# Relative addition to the diagonal, because plays with neighbouring thresholds are nearly alike.
+# Relative addition to the diagonal of the normal equations, because plays with neighbouring thresholds have
+# nearly equal columns.
 RIDGE = 1e-12
 PASSES = 2  # iterations for the creep, whose column depends on the weights
 

@@ -16,8 +16,8 @@ from .columns import DelayAndLag, Observed, at_piezo, lagged, observe
 if TYPE_CHECKING:
     import xarray as xr
 
-# Largest distance, relative to the stroke, between the first position and the one predicted for the drive's
-# first value.
+# A rest voltage before the recording is accepted if the first position, predicted with it, differs from the
+# measured one by less than this share of the stroke.
 AT_REST = 0.05
 # Relative reduction of the residual that a motion before the recording must bring, compared with a rest.
 CLEARLY = 0.02
@@ -69,7 +69,7 @@ class PiezoPrediction(NamedTuple):
         """Return the recording with the past that its positions show: a rest, or a motion that the drive
         continues.
 
-        A rest is preferred unless it fits worse.
+        A rest is preferred unless a continued motion fits clearly better.
         """
         rested = observed._replace(rest=self._rest_shown(observed), cycled=False)
         cycled = observed._replace(rest=float(observed.drive[0]), cycled=True)

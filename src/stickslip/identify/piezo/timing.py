@@ -172,7 +172,7 @@ def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> Delay
         step: sampling interval, s.
     """
     h, r = 0.05 * step, misfit(best)
-    ends = [(np.maximum(best - d, 0.0), best + d) for d in h * np.eye(2)]  # neither can be negative
+    ends = [(np.maximum(best - d, 0.0), best + d) for d in h * np.eye(2)]  # delay and lag are not negative
     slopes = np.column_stack([(misfit(b) - misfit(a)) / float(np.sum(b - a)) for a, b in ends])
     try:
         covariance = np.linalg.inv(slopes.T @ slopes) * float(r @ r) / max(r.size - 2, 1)

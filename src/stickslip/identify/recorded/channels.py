@@ -20,8 +20,9 @@ FEWEST_CLIPPED = 5
 # A channel that stays at its greatest level is clipped if it passed this number of levels in an equal time
 # before. A smooth reversal passes up to nine, up to twelve with noise, that of a sawtooth one or two.
 FEWEST_LEVELS = 12.5
-# A channel that settles at its end slows down, and a channel that is cut off does not. Consider the time for
-# the last level: BEFORE times as long before its end, a settling channel was more than 2 BEFORE levels away.
+# A channel that settles at its end value slows down; a channel that is cut off does not. Take the time for
+# the last 1.5 levels. BEFORE times as long ago, a settling channel was more than 2 BEFORE levels away from
+# the end value; a channel at constant speed was 1.5 BEFORE levels away.
 BEFORE = 4
 # Motion of a drive that a channel may hide at a reversal, in converter steps of the channel. A piezo is about
 # half as steep just after a reversal.
@@ -188,7 +189,7 @@ def refuse_clipped(
     for end, what in ((values.max(), "greatest"), (values.min(), "least")):
         at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
         for first, last in zip(at[::2], at[1::2], strict=True):
-            # The last change is itself cut off.
+            # The last change before the end value is cut off itself, so the larger of the last two counts.
             before = change[max(first - 2, 0) : first].max(initial=0.0)
             if drive is not None and np.ptp(drive[first:last]) <= hidden:
                 continue

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 # Largest mean difference between the channel and its waveform, relative to the drive's range.
 ALIKE = 0.1
-# The same for the worst of its periods, because the channel may be late, slewed and noisy.
+# Largest mean difference between the channel and its waveform over the worst period, relative to the drive's
+# range. The channel may be late, slewed and noisy.
 STRETCH = 0.25
 # Fewest samples in a period of a walk. A walk is recognised by lines through a third and means over a tenth
 # of a period (see `sawtooth`): three samples and one.
@@ -159,7 +160,7 @@ def greatest_difference(
     For a drive without periods, the mean is over a tenth of the recording.
     """
     _, periodic = periodic_part(drive)
-    whole = float(time[-1] - time[0]) or 1.0  # a single sample
+    whole = float(time[-1] - time[0]) or 1.0  # 1 s for a single sample
     lasting = 0.1 * whole if periodic is None else float(periodic.period)
     count = int(np.clip(round(lasting / whole * (time.size - 1)), min(10, time.size), time.size))
     so_far = np.append(0.0, np.cumsum(np.abs(u - wanted)))

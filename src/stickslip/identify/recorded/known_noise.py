@@ -26,7 +26,7 @@ RINGS = 0.25
 BEGUN = 0.02
 # Tolerance, m (rad), of simulations in fits and verifications; smaller residuals are not a lack of fit.
 SIMULATED = 1e-10
-LEAST_STEP = math.sqrt(12.0) * SIMULATED
+LEAST_STEP = math.sqrt(12.0) * SIMULATED  # converter step with a rounding error as large as this tolerance
 # Largest residual that is only noise, relative to the white noise of the samples; and largest negligible
 # residual, relative to their range.
 NOISY, NOTHING = 1.3, 1e-4

@@ -264,7 +264,8 @@ def following(one: PositionUnderDrive, natural_frequency: float) -> Following | 
         square = float(v @ v)
         if square <= 4.0 * v.size * noise**2:
             continue
-        # rad/s: that of a sine; for a ramp 3.5 divided by its duration
+        # Angular frequency in rad per sample if this part of the drive is a sine; for a ramp, 3.5 divided by
+        # its number of samples.
         rate = math.sqrt(max(float(np.sum(np.diff(v) ** 2)) - 2.0 * v.size * noise**2, 0.0) / square)
         if rate / interval < natural_frequency / SLOWER:
             power, common = power + square, common + float(v @ x[late])

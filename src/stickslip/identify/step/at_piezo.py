@@ -91,8 +91,8 @@ def response(
         if np.any(rising):
             t = time[rising]
             found[rising] = (height / rise * (integral(t - begin) - integral(t - begin - rise))).sum(axis=0)
-        # When all ramps are over only the exponentials remain, each multiplied by one factor for each ramp.
-        # After its end, even the fastest pole has decayed.
+        # After the last ramp only the exponentials remain, each multiplied by one factor for each ramp. Their
+        # times count from the end of the last ramp, so that the factors of fast poles do not overflow.
         ramped = np.exp(p * (end - begin - rise)) * np.expm1(p * rise) / (p * rise) if end > 0.0 else 1.0
         factors = (height * ramped).sum(axis=0)
         found[later] = level * height.sum() + np.real(np.exp(np.outer(time[later] - end, p)) @ (c * factors))
@@ -108,7 +108,7 @@ def _with_creep(creep: Creep | None, c: NDArray, p: NDArray) -> tuple[float, NDA
         return 1.0, c, p
     tau, shares = np.array(creep.time_constants), np.array(creep.shares)
     behind = c / (1.0 + tau[:, None] * p)
-    own = -1.0 - behind.sum(axis=1)  # each lag starts at 0
+    own = -1.0 - behind.sum(axis=1)  # the response of each creep term starts at 0
     return (
         1.0 + float(shares.sum()),
         np.append(c + shares @ behind, shares * own),

@@ -44,7 +44,7 @@ from .recorded_step import POSITION, StepTest, step_tests
 WINDOW, DECAYS = 8.0, 3.0
 # Length of the rest before the step, in windows: a longer rest hardly improves the estimate of the drift.
 REST = 8.0
-# Range of damping ratios: from a good tuning fork to two poles a factor of a thousand apart.
+# First search range of damping ratios: from a good tuning fork to two poles a factor of 3600 apart.
 DAMPING_RATIOS = (1e-4, 30.0)
 # Lags of the sensor below this fraction of 1/natural_frequency are left out of the model.
 LEAST_LAG = 1e-6
@@ -264,7 +264,7 @@ def _begun(
 
 
 def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
-    """Return the mean of the classical numbers as parameters of a second-order response."""
+    """Return the mean of the steps' classical numbers (by name) as parameters of a second-order response."""
     names = ("natural_frequency", "damping_ratio", "delay", "peak_time")
     omega, zeta, delay, peak = (float(np.mean([row[name] for row in first])) for name in names)
     if not np.isfinite(zeta):  # no overshoot: the time of the peak is determined by noise
