@@ -1,14 +1,14 @@
-"""Drive signals: waveforms for people (such as `Sawtooth`) and the segment table for the engine (`Drive`).
+"""Drive signals: waveforms for users (such as `Sawtooth`) and the segment table for the engine (`Drive`).
 
-A waveform is anything that fulfils the protocol `signal.Waveform`; a simulation needs no more of it than its
-method ``drive(duration)``. A user's own waveform is a class in the user's file that builds its table with
-`pieces.assemble` or `pieces.repeat`, as `shapes` and `periodic` do; `signal.signal_record` makes it known.
+A waveform is an object that fulfils the protocol `signal.Waveform`; a simulation only calls its method
+``drive(duration)``. A user's own waveform is a class in the user's file that builds its table with
+`pieces.assemble` or `pieces.repeat`, as `shapes` and `periodic` do; `signal.signal_record` registers it.
 
-Values are in volts, or in metres where ``unit="m"`` (radians: ``"rad"``): the same shapes move a piezo and
+Values are in volts, or in metres with ``unit="m"`` (radians: ``"rad"``): the same shapes drive a piezo and
 the base of a spring-pulled slider.
 """
 
-# In this order lists keep them; those of other files come after them.
+# Lists of waveforms have the order of these imports, then the waveforms of a user's files.
 # isort: off
 from . import periodic as periodic
 from . import shapes as shapes

@@ -1,12 +1,12 @@
-r"""Table of segments: the one form of a drive signal that the engine reads.
+r"""Table of segments: the form of a drive signal that the engine reads.
 
-On segment i, from start[i] to start[i+1], with local time :math:`\tau = t - start_i`,
+On segment i, from start[i] to start[i+1], with local time :math:`\tau = t - start_i`, the signal is
 
 .. math:: u = c_0 + c_1 \tau + c_2 \tau^2 + c_3 \tau^3
           + \sum_j A_j \sin(\varphi_j + \omega_j \tau + \kappa_j \tau^2)
 
-which is exact for every waveform of this package, so that values, slopes and break points are exact too and
-one engine follows them all. The engine ends a step at each start: a jump is never stepped over.
+This form is exact for every waveform of this package; so values, slopes and break points are exact, too. The
+engine ends an integration step at the start of each segment, so that no step extends over a jump.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 
 class Drive(NamedTuple):
-    """A drive signal in segments; the last segment has no end.
+    """Drive signal as a table of segments; the last segment has no end.
 
-    Fields: `before`, value for t < 0, at which everything rests at the start; `start` [n], start times in s,
-    ascending, the first 0; `polynomial` [n, 4], c_0..c_3; `first` [n + 1], rows of `harmonic` that belong to
-    segment i are first[i]..first[i+1]; `harmonic` [m, 4], amplitude, angular frequency (rad/s), phase (rad),
-    chirp rate (rad/s^2).
+    Fields: `before`, the constant value for t < 0, at which a simulation starts from rest; `start` [n], start
+    times in s, ascending, the first 0; `polynomial` [n, 4], coefficients c_0..c_3; `first` [n + 1], index of
+    the first row of `harmonic` of each segment: the rows of segment i are first[i] up to (without)
+    first[i+1]; `harmonic` [m, 4], amplitude A, angular frequency ω (rad/s), phase φ (rad), and κ (rad/s^2),
+    half the rate at which the angular frequency rises.
     """
 
     before: float
@@ -64,20 +65,25 @@ def value_slope_curvature(drive, i, t):
 
 
 def segment_at(drive: Drive, t: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the index of the segment that contains each time [s]; at a break point, that of the later
-    one."""
+    """Return the index of the segment that contains each time t [n], s.
+
+    At a break point it is the index of the later segment; before t = 0 it is 0.
+    """
     return np.maximum(np.searchsorted(drive.start, t, side="right") - 1, 0)
 
 
 def evaluate(drive: Drive, t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return values and slopes at times [s]; before t = 0 they are `before` and 0, and at a jump the value
-    after it."""
+    """Return two arrays [n]: values u and slopes du/dt at times t [n], s.
+
+    Before t = 0 they are `before` and 0. At a break point they are those of the later segment, so at a jump
+    the value after the jump.
+    """
     times = np.atleast_1d(np.asarray(t, dtype=float))
     segment = segment_at(drive, times)
     tau = times - drive.start[segment]
-    order = np.flatnonzero(drive.polynomial.any(axis=0)).max(initial=1)  # most drives are straight lines
+    order = np.flatnonzero(drive.polynomial.any(axis=0)).max(initial=1)  # highest power: often 1
     values, slopes = drive.polynomial[:, order][segment], np.zeros_like(tau)
-    for c in drive.polynomial.T[order - 1 :: -1]:  # Horner's rule, for the slope too
+    for c in drive.polynomial.T[order - 1 :: -1]:  # Horner's rule for value and slope
         slopes = values + tau * slopes
         values = c[segment] + tau * values
     count = np.diff(drive.first)[segment] if len(drive.harmonic) else np.zeros(0, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""A periodic waveform through values at free times: what a designer, or an optimiser, shapes."""
+"""Periodic waveform through given values at given times, for drives that a user or an optimiser shapes."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from .periodic import Periods, check_periods
 from .pieces import repeat_table, wrapped
 from .signal import Unit, breaks_within, signal_record, slope_at, value_at
 
-_CLOSEST = 1e-6  # of the period: as close as a fraction of a sawtooth may come to a jump
+_CLOSEST = 1e-6  # smallest time between knots, as a fraction of the period; a sawtooth has the same limit
 
 Array = NDArray[np.float64]
 
 
 @signal_record
 class PeriodicKnots(NamedTuple):
-    r"""Values at times within one period, joined to a closed curve and repeated: any periodic drive.
+    r"""Periodic drive through knots: values at times within one period, joined by lines or smooth curves.
 
     With values :math:`u_k` at :math:`t_k`, :math:`h_k = t_{k+1} - t_k`,
     :math:`\delta_k = (u_{k+1} - u_k)/h_k` and :math:`\tau = t - t_k`, where the
-    knot after the last is the first of the next period,
+    knot after the last is the first of the next period, the signal is
 
     .. math:: u = u_k + m_k \tau + (3\delta_k - 2m_k - m_{k+1})\frac{\tau^2}{h_k}
                   + (m_k + m_{k+1} - 2\delta_k)\frac{\tau^3}{h_k^2}
 
-    Lines by default, :math:`m_k = m_{k+1} = \delta_k`. `smooth` makes the slope continuous: m_k is the
-    harmonic mean of the slopes on both sides, weighted by :math:`2h_k + h_{k-1}` (before) and
-    :math:`h_k + 2h_{k-1}` (after), and zero where these differ in sign [fritsch1984]. Such a cubic is
-    monotone between knots [fritsch1980]: limits kept by the knots are kept by the drive, which a spline of
-    continuous curvature would pass. The curvature may jump at knots.
+    By default knots are joined by lines, :math:`m_k = m_{k+1} = \delta_k`. `smooth` makes the slope
+    continuous: m_k is the harmonic mean of the slopes on both sides, weighted by :math:`2h_k + h_{k-1}`
+    (before) and :math:`h_k + 2h_{k-1}` (after), and zero where these differ in sign [fritsch1984]. Such a
+    cubic is monotone between knots [fritsch1980]. So the drive stays within the range of the knots, which a
+    spline of continuous curvature may exceed. The curvature may jump at knots.
 
-    Times ascend from 0 or later to below the period. It rests at its value at t = 0 before, and after
-    `periods`.
+    Times ascend from 0 or later to below the period. Before t = 0, and after the last of `periods`, the drive
+    rests at its value at t = 0.
     """
 
     times: Annotated[tuple[float, ...], Quantity("s", "t_k", "time of a knot", minimum=0)]
@@ -74,7 +74,7 @@ class PeriodicKnots(NamedTuple):
         return math.inf if self.periods is None else self.periods * self.period
 
     def range(self) -> tuple[float, float]:
-        """Return the exact least and greatest value: those of the knots."""
+        """Return the exact least and greatest value of the drive, which the knots have."""
         return min(self.values), max(self.values)
 
     def drive(self, duration: float) -> Drive:
@@ -84,8 +84,14 @@ class PeriodicKnots(NamedTuple):
         return repeat_table(wrapped(times, polynomial, self.period), self.period, self.periods, duration)
 
     def drives(self, durations: Array) -> Drives:
-        """Return the segment tables of many members; varied fields of `self` are arrays with a number per
-        member, unchecked."""
+        """Return the segment tables of the members of an ensemble.
+
+        Fields of `self` that differ between members are arrays with a number per member; they are not
+        checked.
+
+        Args:
+            durations: end of each member's table [members], s.
+        """
         times, values, period = (
             columns_of(numbers, durations.size) for numbers in (self.times, self.values, [self.period])
         )
@@ -94,8 +100,13 @@ class PeriodicKnots(NamedTuple):
 
 
 def _polynomials(times: Array, values: Array, period: Array, smooth: bool) -> Array:
-    """Return the coefficients c_0..c_3 from each knot to the next, [..., knots, 4]; formulas in
-    `PeriodicKnots`."""
+    """Return the coefficients c_0..c_3 from each knot to the next, [..., knots, 4], as in `PeriodicKnots`.
+
+    Args:
+        times, values: times [s] and values of the knots, [..., knots].
+        period: period, s, [...].
+        smooth: True for a continuous slope, False for lines.
+    """
     h = np.diff(times, append=times[..., :1] + period[..., None])
     delta = np.diff(values, append=values[..., :1]) / h
     polynomial = np.zeros((*times.shape, 4))
@@ -110,8 +121,12 @@ def _polynomials(times: Array, values: Array, period: Array, smooth: bool) -> Ar
 
 
 def _monotone_slopes(h: Array, delta: Array) -> Array:
-    """Return the slope at each knot of a closed curve by the weighted harmonic mean given in
-    `PeriodicKnots`."""
+    """Return the slope at each knot [..., knots] by the weighted harmonic mean given in `PeriodicKnots`.
+
+    Args:
+        h: time from each knot to the next, s; the last one to the first knot of the next period.
+        delta: slope of the line from each knot to the next.
+    """
     h_before, before = np.roll(h, 1, axis=-1), np.roll(delta, 1, axis=-1)
     slopes = np.zeros_like(delta)
     on = np.sign(before) * np.sign(delta) > 0

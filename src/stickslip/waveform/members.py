@@ -1,4 +1,7 @@
-"""Segment tables of the members of an ensemble, for one waveform whose fields differ between members."""
+"""Segment tables of all members of an ensemble at once.
+
+The members have the same kind of waveform; its fields, such as the amplitude, differ between members.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,10 @@ Array = NDArray[np.float64]
 
 
 class Drives(NamedTuple):
-    """`Drive` tables of members; each field has a first axis of members.
+    """Segment tables of the members of an ensemble: the fields of `Drive`, with a first axis of members.
 
-    Shorter tables are filled up with segments that never start (start infinite, polynomial NaN).
+    Tables with fewer segments than the longest are padded with segments that never start (start infinite,
+    polynomial NaN).
     """
 
     before: Array
@@ -33,12 +37,12 @@ def member_of(drives, m):
 
 
 def common(drive: Drive) -> Drives:
-    """Return one segment table as that of a single member."""
+    """Return a `Drives` with one member, which has the given segment table."""
     return stacked([drive])
 
 
 def stacked(tables: Sequence[Drive]) -> Drives:
-    """Return segment tables as one `Drives`, one member each."""
+    """Return a `Drives` in which each of the given segment tables is a member."""
     count, most = len(tables), max(table.start.size for table in tables)
     rows = max(len(table.harmonic) for table in tables)
     made = Drives(
@@ -57,15 +61,27 @@ def stacked(tables: Sequence[Drive]) -> Drives:
 
 
 def columns_of(values: Sequence[Any], count: int) -> Array:
-    """Return numbers, or arrays of one number per member, as an array [members, values]."""
+    """Return an array [members, values].
+
+    Args:
+        values: each a number common to all members, or an array with a number per member.
+        count: number of members.
+    """
     return np.stack([np.broadcast_to(np.asarray(v, dtype=float), count) for v in values], axis=1)
 
 
 def repeat_members(
     pieces: Sequence[Piece], frequency: Any, periods: float | None, rest: Any, durations: Array
 ) -> Drives:
-    """Return repeated pieces, as `pieces.repeat`, with frequencies, values at rest and durations per
-    member."""
+    """Return the segment tables of members whose drives repeat the pieces of one period, as `pieces.repeat`.
+
+    Args:
+        pieces: pieces of one period; their numbers may be arrays with a number per member.
+        frequency: Hz, a number or an array [members].
+        periods: number of periods; None: without end.
+        rest: value before t = 0 and after the last period, a number or an array [members].
+        durations: end of each member's table [members], s.
+    """
     count = durations.size
     polynomial = np.zeros((count, len(pieces), 4))
     for i, piece in enumerate(pieces):
@@ -84,12 +100,20 @@ def repeat_members(
 def repeat_curves(
     start: Array, polynomial: Array, period: Array, periods: float | None, durations: Array
 ) -> Drives:
-    """Return repeated curves, as `pieces.repeat_table` of `pieces.wrapped`, per member.
+    """Return the segment tables of members whose drives repeat a closed curve.
 
-    Shapes: start [members, n], polynomial [members, n, 4], period [members]. The value at rest is the value
-    at the start of a period.
+    It does for many members what `pieces.repeat_table` of `pieces.wrapped` does for one. The value at rest is
+    the value at the start of a period.
+
+    Args:
+        start: start of each segment in the period, s, [members, n].
+        polynomial: coefficients c_0..c_3 of each segment, [members, n, 4].
+        period: s, [members].
+        periods: number of periods; None: without end.
+        durations: end of each member's table [members], s.
     """
-    if np.any(start[:, 0] > SLIVER * period):  # otherwise a segment that ends where it starts
+    # If the curve of a member starts later in the period than 0, a first segment from time 0 is added.
+    if np.any(start[:, 0] > SLIVER * period):
         c0, c1, c2, c3 = polynomial[:, -1].T
         tau = period - start[:, -1]
         level = c0 + tau * (c1 + tau * (c2 + tau * c3))
@@ -102,14 +126,19 @@ def repeat_curves(
         before = polynomial[:, 0, :1]
         start = np.concatenate([np.zeros((len(start), 1)), start[:, 1:]], axis=1)
     tiled = _whole(durations / period, periods) * period[:, None, None] + start[:, None, :]
-    tiled[:, 1:] *= 1 - 2.0**-51  # rounded down, as in `repeat_table`
+    tiled[:, 1:] *= 1 - 2.0**-51  # earlier by the rounding error, as in `pieces.repeat_table`
     end = None if periods is None else (periods * period)[:, None]
     none = np.zeros((len(start), 0, 4))
     return _tiled(tiled, polynomial, [0] * start.shape[1], none, before, end, durations)
 
 
 def _whole(begun: Array, periods: float | None) -> NDArray[np.int64]:
-    """Return the numbers of the periods in the member with most of them, [1, periods, 1]."""
+    """Return the indices 0, 1, 2, ... of the periods, as an array [1, periods, 1].
+
+    Args:
+        begun: duration of each member divided by its period; the largest determines the number of periods.
+        periods: largest number of periods; None: no limit.
+    """
     most = int(np.floor(begun.max(initial=0.0))) + 1
     return np.arange(most if periods is None else min(most, int(periods)), dtype=np.int64)[None, :, None]
 
@@ -123,13 +152,16 @@ def _tiled(
     end: Array | None,
     durations: Array,
 ) -> Drives:
-    """Return segments of identical periods, per member.
+    """Return the segment tables of members from the segments of identical periods.
 
     Args:
-        start, polynomial, rows, harmonic: segments [members, periods, n] and their formulas.
+        start: start of each segment, s, [members, periods, n].
+        polynomial: coefficients of the segments of one period, [members, n, 4].
+        rows: number of rows of `harmonic` of each segment of one period, [n].
+        harmonic: sines of one period, [members, rows, 4], as in `Drive`.
         rest: value at rest, [members, 1].
-        end: time from which each member rests, s; None: never.
-        durations: of the members, s.
+        end: time from which each member rests, s, [members, 1]; None: never.
+        durations: end of each member's table [members], s; segments that start later are left out.
     """
     count, periods, n = start.shape
     start = start.reshape(count, periods * n)

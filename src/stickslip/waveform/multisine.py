@@ -1,4 +1,4 @@
-"""Sum of sines, the excitation for frequency responses."""
+"""Multisine waveform: a sum of sines, the excitation for frequency responses."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ from .drive import Drive
 from .pieces import Piece, assemble
 from .signal import Unit, breaks_within, signal_record, slope_at, value_at
 
-_POINTS_PER_CYCLE = 32  # of the fastest component: a grid point is then within 0.5 % of the crest beside it
-_LARGEST_GRID = 20_000_000  # points times components, about 0.3 s
+_POINTS_PER_CYCLE = 32  # grid points per cycle of the fastest sine; one is then within 0.5 % of its crest
+_LARGEST_GRID = 20_000_000  # largest number of grid points times sines for the range; it takes about 0.3 s
 
 
 @signal_record
 class Multisine(NamedTuple):
-    r"""Sum of sines with phases for a low crest, and then rest at `offset`.
+    r"""Sum of sines with phases for a low crest factor, then rest at `offset`.
 
     .. math:: u = u_0 + \sum_k A_k \sin(2\pi f_k t + \varphi_k) \quad (t < T)
 
-    Without `phases` they are Schroeder's [schroeder1970],
+    Without given `phases`, they are Schroeder's [schroeder1970],
 
     .. math:: \varphi_k = \frac{\pi}{2} - 2\pi \sum_{j<k} (k - j)\, p_j, \qquad p_j = A_j^2 / \sum_i A_i^2,
 
-    which are meant for evenly spaced frequencies in ascending order. The sum starts with a jump.
+    which are meant for evenly spaced frequencies in ascending order. At t = 0 the drive jumps from the offset
+    to the sum.
     """
 
     amplitudes: Annotated[tuple[float, ...], Quantity("V", "A_k", "amplitude")]
@@ -52,8 +53,11 @@ class Multisine(NamedTuple):
 
     @property
     def period(self) -> float | None:
-        """Return the shortest common period, s; None where the frequencies have no ratios of whole numbers up
-        to 10,000."""
+        """Return the shortest common period of the sines, s.
+
+        It is None if the ratio of a frequency to the first one is no fraction with a denominator up to
+        10,000.
+        """
         ratios = [Fraction(f / self.frequencies[0]).limit_denominator(10_000) for f in self.frequencies]
         for ratio, frequency in zip(ratios, self.frequencies, strict=True):
             if abs(float(ratio) * self.frequencies[0] - frequency) > 1e-12 * frequency:
@@ -71,11 +75,11 @@ class Multisine(NamedTuple):
         return np.column_stack([amplitudes, omega, phases, np.zeros_like(omega)])
 
     def range(self) -> tuple[float, float]:
-        """Return the least and greatest value, found on a fine grid over one period and refined by Newton's
-        method.
+        """Return the least and greatest value of the drive.
 
-        Without a period, or if the grid would be too large, return the bound offset ± ``sum |A_k|``, which
-        incommensurate frequencies approach arbitrarily closely.
+        They are found on a fine grid over one period (or the duration, if shorter), and refined by Newton's
+        method. If there is neither a period nor an end, or the grid would be too large, return the bound
+        offset ± ``sum |A_k|``, which incommensurate frequencies approach arbitrarily closely.
         """
         horizon = min(self.period or math.inf, self.duration)
         bound = sum(abs(a) for a in self.amplitudes)
@@ -84,7 +88,7 @@ class Multisine(NamedTuple):
             return self.offset - bound, self.offset + bound
         waves = self.components()
         t = np.linspace(0.0, horizon, math.ceil(cycles * _POINTS_PER_CYCLE) + 1)
-        high = max(0.0, _crest(waves, t))  # 0, for it rests at the offset before t = 0
+        high = max(0.0, _crest(waves, t))  # at least 0: the drive rests at the offset before t = 0
         waves[:, 0] *= -1
         return float(self.offset - max(0.0, _crest(waves, t))), float(self.offset + high)
 
@@ -96,7 +100,10 @@ class Multisine(NamedTuple):
 
 
 def schroeder_phases(amplitudes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return Schroeder's phases [rad] for a low crest, by the formula in `Multisine`."""
+    """Return Schroeder's phases [rad] for a low crest factor, by the formula in `Multisine`.
+
+    `amplitudes` are the amplitudes of the sines in ascending order of their frequencies.
+    """
     power = np.square(amplitudes)
     share = power / power.sum() if power.any() else power
     below = np.concatenate([[0.0], np.cumsum(share)[:-1]])  # sum of the p_j with j < k
@@ -104,7 +111,10 @@ def schroeder_phases(amplitudes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _sum(waves: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return value, slope and curvature of a sum of sines at times t [s], shape [3, n]."""
+    """Return value, slope and curvature of a sum of sines at times t [n], s, as an array [3, n].
+
+    The rows of `waves` are amplitude, angular frequency [rad/s], phase [rad] and an unused number.
+    """
     total = np.zeros((3, len(t)))
     for amplitude, omega, phase, _ in waves:
         sine, cosine = np.sin(phase + omega * t), np.cos(phase + omega * t)
@@ -113,10 +123,13 @@ def _sum(waves: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float
 
 
 def _crest(waves: NDArray[np.float64], t: NDArray[np.float64]) -> float:
-    """Return the greatest value of a sum of sines on the uniform grid t [n], s."""
+    """Return the greatest value of a sum of sines in the interval of the uniform grid t [n], s.
+
+    The crests near the greatest grid values are refined by Newton's method. `waves` is as for `_sum`.
+    """
     values = _sum(waves, t)[0]
     step = t[1] - t[0]
-    # bound of the error, from the largest curvature
+    # upper bound of the distance from a crest to the nearest grid value, from the largest possible curvature
     short_by = np.sum(np.abs(waves[:, 0]) * waves[:, 1] ** 2) * step**2 / 8
     near = t[values >= values.max() - short_by]
     crest = near

@@ -1,7 +1,7 @@
-r"""Periodic waveforms: one period each, repeated for ever or `periods` times, then at rest at `offset`.
+r"""Periodic waveforms: one period, repeated without end or `periods` times; then rest at `offset`.
 
-Amplitude is the whole stroke, `offset` to `offset + amplitude`, except for `Sine`, where it is half of it
-as usual. T = 1/frequency is the period, s the time since its start.
+The amplitude is the whole stroke, from `offset` to `offset + amplitude`, except for `Sine`, where it is half
+the stroke, as usual. In the formulas T = 1/frequency is the period, and s the time since its start.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from .signal import Unit, breaks_within, signal_record, slope_at, value_at
 
 Amplitude = Annotated[float, Quantity("V", "A", "amplitude")]
 Frequency = Annotated[float, Quantity("Hz", "f", "frequency", above=0)]
-Fraction = Annotated[float, Quantity("", "r", "part of the period", minimum=1e-6, maximum=1)]
+Fraction = Annotated[float, Quantity("", "r", "fraction of the period", minimum=1e-6, maximum=1)]
 Offset = Annotated[float, Quantity("V", "u_0", "value at rest")]
 Periods = Annotated[float | None, Quantity("", "N", "number of periods", minimum=1)]
 
 
-# Properties of every periodic waveform, copied into each class by name (see signal.py).
+# Properties and methods of periodic waveforms; each class copies them by name, because a NamedTuple cannot
+# inherit from a second base class.
 @property
 def _period(w: Any) -> float:
     """Return the period, s."""
@@ -45,9 +46,15 @@ def _drive(w: Any, duration: float) -> Drive:
 
 
 def _drives(w: Any, durations: NDArray[np.float64]) -> Drives:
-    """Return the segment tables of many members; varied fields of `w` are arrays with a number per member,
-    unchecked."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # strokes may have no duration
+    """Return the segment tables of the members of an ensemble.
+
+    Fields of `w` that differ between members are arrays with a number per member; they are not checked.
+
+    Args:
+        w: the waveform.
+        durations: end of each member's table [members], s.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):  # a stroke of no duration divides by zero
         return repeat_members(w.pieces(), w.frequency, w.periods, w.offset, durations)
 
 
@@ -56,7 +63,7 @@ def _some(condition: Any) -> bool:
 
 
 def _stroke(waveform: Sawtooth | ReverseSawtooth | Triangle | Cycloid) -> tuple[float, float]:
-    """Return the exact least and greatest value."""
+    """Return the exact least and greatest value of the drive."""
     rest, turn = waveform.offset, waveform.offset + waveform.amplitude
     return min(rest, turn), max(rest, turn)
 
@@ -81,7 +88,7 @@ class Sawtooth(NamedTuple):
 
     .. math:: u = u_0 + A \frac{s}{rT} \ (s < rT), \qquad u = u_0 + A \frac{T - s}{(1 - r)T} \ (s \ge rT)
 
-    With rise_fraction r = 1 it jumps down at the end of each period: u = u_0 + A frac(f t).
+    With rise_fraction r = 1 the drive jumps down at the end of each period: u = u_0 + A frac(f t).
     """
 
     amplitude: Amplitude
@@ -99,7 +106,7 @@ class Sawtooth(NamedTuple):
         _check_fraction(self.rise_fraction, "Sawtooth.rise_fraction")
 
     def pieces(self) -> list[Piece]:
-        """Return the pieces of one period, as `pieces.repeat` takes them."""
+        """Return the pieces of one period; their starts are fractions of the period, as for `repeat`."""
         top, rate, r = self.offset + self.amplitude, self.amplitude * self.frequency, self.rise_fraction
         rise = [Piece(0.0, (self.offset, rate / r))]
         return [*rise, Piece(r, (top, -rate / (1 - r)))] if _some(r < 1) else rise
@@ -112,7 +119,7 @@ class ReverseSawtooth(NamedTuple):
     .. math:: u = u_0 + A \frac{s}{(1 - r)T} \ (s < (1 - r)T), \qquad
               u = u_0 + A \frac{T - s}{rT} \ \text{after}
 
-    With fall_fraction r = 1 it jumps up at the start of each period, including the first.
+    With fall_fraction r = 1 the drive jumps up at the start of each period, including the first.
     """
 
     amplitude: Amplitude
@@ -130,7 +137,7 @@ class ReverseSawtooth(NamedTuple):
         _check_fraction(self.fall_fraction, "ReverseSawtooth.fall_fraction")
 
     def pieces(self) -> list[Piece]:
-        """Return the pieces of one period, as `pieces.repeat` takes them."""
+        """Return the pieces of one period; their starts are fractions of the period, as for `repeat`."""
         top, rate, r = self.offset + self.amplitude, self.amplitude * self.frequency, self.fall_fraction
         fall = [Piece(1 - r, (top, -rate / r))]
         return [Piece(0.0, (self.offset, rate / (1 - r))), *fall] if _some(r < 1) else fall
@@ -138,7 +145,7 @@ class ReverseSawtooth(NamedTuple):
 
 @signal_record
 class Triangle(NamedTuple):
-    """Up and down at the same speed: a `Sawtooth` with half the period for the rise."""
+    """Rise and fall at the same speed: a `Sawtooth` with half the period for the rise."""
 
     amplitude: Amplitude
     frequency: Frequency
@@ -151,21 +158,21 @@ class Triangle(NamedTuple):
     _check = check_periods
 
     def pieces(self) -> list[Piece]:
-        """Return the pieces of one period, as `pieces.repeat` takes them."""
+        """Return the pieces of one period; their starts are fractions of the period, as for `repeat`."""
         rate = 2 * self.amplitude * self.frequency
         return [Piece(0.0, (self.offset, rate)), Piece(0.5, (self.offset + self.amplitude, -rate))]
 
 
 @signal_record
 class Cycloid(NamedTuple):
-    r"""Rise without a jerk of speed, then a quick return of the same shape.
+    r"""Cycloidal rise, whose speed is continuous, then a quick return of the same shape.
 
     .. math:: u = u_0 + A\,q\!\left(\frac{s}{rT}\right) \ (s < rT), \qquad
               u = u_0 + A - A\,q\!\left(\frac{s - rT}{(1 - r)T}\right) \ \text{after}, \qquad
               q(p) = p - \frac{\sin 2\pi p}{2\pi}
 
-    Speed and acceleration are zero at both ends of each stroke. With rise_fraction r = 1 the return is a
-    jump; r = 0.5 is the symmetric cycloid, which does not walk.
+    Speed and acceleration of the drive are zero at both ends of each stroke. With rise_fraction r = 1 the
+    return is a jump. With r = 0.5 both strokes are equal, so that an actuator does not walk.
     """
 
     amplitude: Amplitude
@@ -183,7 +190,7 @@ class Cycloid(NamedTuple):
         _check_fraction(self.rise_fraction, "Cycloid.rise_fraction")
 
     def pieces(self) -> list[Piece]:
-        """Return the pieces of one period, as `pieces.repeat` takes them."""
+        """Return the pieces of one period; their starts are fractions of the period, as for `repeat`."""
         r, top = self.rise_fraction, self.offset + self.amplitude
         rise = [_cycloidal_stroke(0.0, r, self.offset, self.amplitude, self.frequency)]
         back = [_cycloidal_stroke(r, 1 - r, top, -self.amplitude, self.frequency)] if _some(r < 1) else []
@@ -198,7 +205,7 @@ def _cycloidal_stroke(start: float, fraction: float, level: float, stroke: float
 
 @signal_record
 class Sine(NamedTuple):
-    """u = u_0 + A sin(2 pi f t + phase); a phase other than 0 makes it jump at t = 0, from the offset."""
+    """Sine u = u_0 + A sin(2 pi f t + phase), which jumps at t = 0 unless the phase is a multiple of pi."""
 
     amplitude: Amplitude
     frequency: Frequency
@@ -212,7 +219,7 @@ class Sine(NamedTuple):
     _check = check_periods
 
     def range(self) -> tuple[float, float]:
-        """Return the exact least and greatest value."""
+        """Return the exact least and greatest value of the drive."""
         return self.offset - abs(self.amplitude), self.offset + abs(self.amplitude)
 
     def drive(self, duration: float) -> Drive:

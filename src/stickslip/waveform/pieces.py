@@ -1,4 +1,4 @@
-"""Construction of segment tables: a list of pieces, once or period after period."""
+"""Construction of the segment table of a drive from a list of pieces, used once or repeated."""
 
 from __future__ import annotations
 
@@ -12,16 +12,20 @@ from numpy.typing import NDArray
 from ..quantities.units import QuantityError
 from .drive import Drive, segment_at
 
-# A start that comes closer to the end than this (relative) is the end itself, but for rounding: 8 periods of
-# 0.1 s in 0.8 s must not leave a ninth of 1e-16 s.
+# A segment whose start is closer to the end of the drive than this, relative to the end, is left out, because
+# the difference is a rounding error: 8 periods of 0.1 s in 0.8 s must not leave a ninth of 1e-16 s.
 SLIVER = 1e-12
-# More would need gigabytes of memory.
+# Largest number of periods of a table; more would need gigabytes of memory.
 MOST_PERIODS = 10_000_000
 
 
 class Piece(NamedTuple):
-    """One formula of `drive.Drive`: start, coefficients c_0 to at most c_3, and rows of amplitude, angular
-    frequency (rad/s), phase (rad) and chirp rate (rad/s²)."""
+    """One segment of a drive, with the formula of `drive.Drive`.
+
+    `start` is the start of the piece, in s for `assemble` and as a fraction of the period for `repeat`.
+    `polynomial` has the coefficients c_0 to at most c_3, for the time since the start in s. `harmonics` has
+    rows of amplitude, angular frequency (rad/s), phase (rad) and κ (rad/s²).
+    """
 
     start: float
     polynomial: tuple[float, ...]
@@ -29,12 +33,13 @@ class Piece(NamedTuple):
 
 
 def assemble(before: float, pieces: Iterable[Piece], duration: float) -> Drive:
-    """Return the drive made of pieces; of several pieces with one start, the last counts.
+    """Return the drive that consists of pieces.
 
     Args:
-        before: value for t < 0.
-        pieces: pieces with ascending starts [s], the first 0.
-        duration: s; pieces that start later are left out.
+        before: constant value for t < 0.
+        pieces: pieces with ascending starts [s], the first 0; of several with the same start, the last one
+            is used.
+        duration: end of the table, s; pieces that start at it or later are left out.
     """
     kept: dict[float, Piece] = {piece.start: piece for piece in pieces}
     drive = _table(before, list(kept.values()))
@@ -47,33 +52,46 @@ def repeat(
     """Return the drive that repeats one period and then rests.
 
     Args:
-        pieces: one period; starts are fractions of it, ascending from 0 to below 1, the rest as in `Piece`.
-        frequency: Hz.
-        periods: how many, None for no end.
+        pieces: pieces of one period; their starts are fractions of the period, ascending from 0 to below 1.
+        frequency: number of periods per second, Hz.
+        periods: number of periods; None: without end.
         rest: value before t = 0 and after the last period.
-        duration: s, finite; what lies beyond is left out.
+        duration: end of the table, s, finite; later segments are left out.
     """
     one = _table(rest, pieces)
-    # (k + fraction)/f rounds once: no error builds up, and sampling times n/rate that should meet it do
+    # (k + fraction)/f: errors do not accumulate over periods, and a sampling time n/rate at a start equals it
     whole = np.arange(_begun(duration, 1 / frequency, periods))[:, None]
     start = (whole + one.start) / frequency
     return _tiled(one, start, None if periods is None else periods / frequency, duration)
 
 
 def repeat_table(one: Drive, period: float, periods: float | None, duration: float) -> Drive:
-    """Return a repeated table of one period [s]; its starts are in s, its `before` is the value at rest."""
+    """Return the drive that repeats the table of one period and then rests.
+
+    Args:
+        one: table of one period, with starts in s; its `before` is the value at rest.
+        period: s.
+        periods: number of periods; None: without end.
+        duration: end of the table, s, finite; later segments are left out.
+    """
     start = np.arange(_begun(duration, period, periods))[:, None] * period + one.start
-    # k T + t rounds twice: two units in the last place early, and sampling times that should meet it do
+    # k T + t is rounded twice. The starts are made earlier by two units in the last place, so that a sample
+    # taken at the start of a segment belongs to this segment and not to the one before.
     start[1:] *= 1 - 2.0**-51
     return _tiled(one, start, None if periods is None else periods * period, duration)
 
 
 def wrapped(start: NDArray[np.float64], polynomial: NDArray[np.float64], period: float) -> Drive:
-    """Return one period [s] of a closed curve, for `repeat_table`.
+    """Return the table of one period of a closed curve, for `repeat_table`.
+
+    If the first segment starts after 0, the part of the last segment that extends into the next period is put
+    at the start of the table.
 
     Args:
-        start: s, ascending, the first >= 0, the last <= `period`.
-        polynomial: [n, 4], c_0..c_3 of each segment; the last one ends at start[0] of the next period.
+        start: start of each segment, s, ascending, the first >= 0, the last <= `period`.
+        polynomial: coefficients c_0..c_3 of each segment, [n, 4]; the last segment ends at start[0] of the
+            next period.
+        period: s.
     """
     if start[0] > SLIVER * period:
         c0, c1, c2, c3 = polynomial[-1]
@@ -86,9 +104,14 @@ def wrapped(start: NDArray[np.float64], polynomial: NDArray[np.float64], period:
 
 
 def polynomials(start: NDArray[np.float64], polynomial: NDArray[np.float64]) -> Drive:
-    """Return the drive of polynomials [n, 4] that start at `start` [s], the first at 0; before that it rests
-    at its first value."""
-    # a segment that changes nothing on a flat stretch is no break: the solver need not stop there
+    """Return the drive that consists of polynomials; before t = 0 it rests at its first value.
+
+    Args:
+        start: start of each segment, s, ascending, the first 0.
+        polynomial: coefficients c_0..c_3 of each segment, [n, 4].
+    """
+    # A constant segment that continues a constant one at the same value is merged with it, so that the solver
+    # does not stop at its start.
     level, moves = polynomial[:, 0], np.any(polynomial[:, 1:] != 0, axis=1)
     kept = np.append(True, (np.diff(level) != 0) | moves[1:] | moves[:-1])
     first = np.zeros(np.count_nonzero(kept) + 1, dtype=np.int64)
@@ -96,8 +119,7 @@ def polynomials(start: NDArray[np.float64], polynomial: NDArray[np.float64]) -> 
 
 
 def cut(drive: Drive, duration: float) -> Drive:
-    """Return the drive without the segments that start at `duration` [s] or later; the first one always
-    stays."""
+    """Return the drive without the segments that start at `duration` [s] or later; the first one is kept."""
     count = max(1, int(np.searchsorted(drive.start, duration * (1 - SLIVER))))
     rows = drive.first[count]
     return Drive(
@@ -110,13 +132,15 @@ def cut(drive: Drive, duration: float) -> Drive:
 
 
 def by_periods(drive: Drive, period: float | None, duration: float) -> Drive:
-    """Return a sum of sines with one segment per period, so that the solver can recognise the repetition;
-    other tables, and those that would become too large, stay as they are.
+    """Return the table of a sum of sines with one segment per period.
+
+    With one long segment the solver could not recognise that the drive repeats. Tables of other drives, and
+    tables that would become too large, are returned unchanged.
 
     Args:
-        drive: the segment table.
-        period: s; None: not periodic.
-        duration: s.
+        drive: the segment table: a sum of sines, perhaps followed by a rest.
+        period: period of the sum, s; None: not periodic.
+        duration: end of the table, s.
     """
     waves = drive.harmonic[: drive.first[1]]
     until = min(duration, float(drive.start[1])) if drive.start.size > 1 else duration
@@ -133,7 +157,7 @@ def by_periods(drive: Drive, period: float | None, duration: float) -> Drive:
 
 
 def with_breaks(drive: Drive, times: NDArray[np.float64]) -> Drive:
-    """Return the same signal with further segment boundaries at these times [s]."""
+    """Return the same signal in a table with additional segment boundaries at `times` [s]."""
     start = np.union1d(drive.start, times)
     of = segment_at(drive, start)
     tau = (start - drive.start[of])[:, None]
@@ -150,7 +174,12 @@ def with_breaks(drive: Drive, times: NDArray[np.float64]) -> Drive:
 
 
 def join(drives: Sequence[Drive], begins: Sequence[float]) -> Drive:
-    """Join drives, each from its start [s]; each must be cut at the start of the next."""
+    """Return the drive that consists of several drives, one after the other.
+
+    Args:
+        drives: tables, each in its own time, without segments that start later than the next drive.
+        begins: time at which each drive starts, s, ascending, the first 0.
+    """
     rows = np.concatenate([np.diff(drive.first) for drive in drives])
     return Drive(
         drives[0].before,
@@ -162,7 +191,16 @@ def join(drives: Sequence[Drive], begins: Sequence[float]) -> Drive:
 
 
 def _begun(duration: float, period: float, periods: float | None) -> int:
-    """Return the number of periods that start before the end of the duration, all in s."""
+    """Return the number of periods that start within the duration, at most `periods`.
+
+    Args:
+        duration: s.
+        period: s.
+        periods: number of periods of the drive; None: without end.
+
+    Raises:
+        QuantityError: the duration is infinite, or contains more than `MOST_PERIODS` periods.
+    """
     if not math.isfinite(duration):
         raise QuantityError(
             f"duration = {duration} s is out of range: a periodic drive is tabulated up to a finite time"
@@ -178,8 +216,14 @@ def _begun(duration: float, period: float, periods: float | None) -> int:
 
 
 def _tiled(one: Drive, start: NDArray[np.float64], end: float | None, duration: float) -> Drive:
-    """Return the segments of one period repeated; segment i of period k starts at start[k, i] [s], and the
-    drive rests from `end` [s] on."""
+    """Return the drive that repeats the segments of one period at given times.
+
+    Args:
+        one: table of one period; its `before` is the value at rest.
+        start: start of segment i in period k, [k, i], s.
+        end: time from which the drive rests, s; None: never.
+        duration: end of the table, s.
+    """
     count = len(start)
     polynomial = np.tile(one.polynomial, (count, 1))
     rows = np.tile(np.diff(one.first), count)

@@ -1,4 +1,4 @@
-"""A drive signal given by its samples: an arbitrary waveform, or the drive channel of a recording."""
+"""Drive signal given by samples: an arbitrary waveform, or the drive channel of a recording."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ _PERIOD = Quantity("s", "T", "period", above=0)
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Samples, joined by lines ("linear") or each held until the next ("hold", as a DAC does).
+    """Samples, joined by lines ("linear") or each held until the next ("hold", as a converter does).
 
-    Fields: `times` [n], s, ascending, the first >= 0; `values` [n], V or m; `period`, s, None: it happens
-    once. The first value holds before the first time, the last one after the last, where `duration` ends.
+    Fields: `times` [n], s, ascending, the first >= 0; `values` [n], V, m or rad (`unit`); `period`, s, or
+    None for a signal that does not repeat. Before the first time the signal has the first value; after the
+    last time, which is its `duration`, it has the last value.
 
-    With a period the samples, all of them within it, are repeated for ever: after the last one comes the
-    first one of the next period, joined to it in the same way. A line may end at the very period, and the
-    signal jumps there: ``Sampled([0, 0.2], [0, 65], period=0.2)`` is a sawtooth.
+    With a period, the samples are repeated without end; all must lie within the period. The last sample is
+    joined to the first one of the next period in the same way as the others. With lines, the last time may
+    equal the period, and the signal jumps there: ``Sampled([0, 0.2], [0, 65], period=0.2)`` is a sawtooth.
 
     Raises:
-        QuantityError: no samples, different lengths, NaN, times negative, not ascending or not within the
-            period, wrong unit.
+        QuantityError: there are no samples; lengths differ; a number is NaN; times are negative, not
+            ascending or not within the period; or a unit is wrong.
     """
 
     times: NDArray[np.float64]
@@ -78,10 +79,15 @@ class Sampled:
     def from_recording(
         cls, recording: Mapping[str, Any], name: str, interpolation: Literal["linear", "hold"] = "linear"
     ) -> Sampled:
-        """Return a waveform from one variable of a recording (an ``xarray.Dataset`` over "time"), timed from
-        the first sample.
+        """Return a waveform from one variable of a recording; its time starts at the first sample.
 
-        The unit is the variable's attribute `units`, which must be "V", "m" or "rad".
+        Args:
+            recording: an ``xarray.Dataset`` over "time".
+            name: name of the variable; its attribute `units` must be "V", "m" or "rad".
+            interpolation: "linear" or "hold", see `Sampled`.
+
+        Raises:
+            QuantityError: there is no such variable, or it is not suitable.
         """
         if name not in recording:
             raise QuantityError(f"the recording has no {name!r}; it has {', '.join(map(str, recording))}")
@@ -91,11 +97,11 @@ class Sampled:
 
     @property
     def duration(self) -> float:
-        """Return the duration: the last time, s; infinite with a period."""
+        """Return the time of the last sample, s; infinite with a period."""
         return float(self.times[-1]) if self.period is None else math.inf
 
     def range(self) -> tuple[float, float]:
-        """Return the exact least and greatest value."""
+        """Return the exact least and greatest value of the drive."""
         return float(self.values.min()), float(self.values.max())
 
     def drive(self, duration: float) -> Drive:
@@ -108,7 +114,8 @@ class Sampled:
             if start[0] > 0:
                 start, polynomial = np.append(0.0, start), np.vstack([[self.values[0], 0, 0, 0], polynomial])
             return cut(polynomials(start, polynomial), duration)
-        around = start[0] + (self.period - start[-1])  # 0: it jumps there
+        # time from the last sample to the first one of the next period; if it is 0, the signal jumps there
+        around = start[0] + (self.period - start[-1])
         if self.interpolation == "linear" and around > 0:
             polynomial[-1, 1] = (self.values[0] - self.values[-1]) / around
         return repeat_table(wrapped(start, polynomial, self.period), self.period, None, duration)

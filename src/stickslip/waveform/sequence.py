@@ -1,4 +1,4 @@
-"""Waveforms one after the other."""
+"""Sequence of waveforms, one after the other."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _DURATION = Quantity("s", "T", "duration of a part", above=0)
 class Sequence:
     """Waveforms one after the other, each from its own start.
 
-    Walk forward, rest, walk back, say::
+    An example is a walk forward, a rest, and a walk back::
 
         Sequence(Sawtooth(65, 5, periods=8), Rest(0.5), ReverseSawtooth(65, 5, periods=8))
 
-    A part is a waveform whose duration is finite, or a pair (waveform, duration in s), which cuts it off or
-    lets it rest longer. After the last part the value at its end holds.
+    A part is a waveform of finite duration, or a pair (waveform, duration in s); the duration of a pair cuts
+    the waveform off or lengthens its final rest. After the last part the signal keeps its final value.
 
     Raises:
         QuantityError: no parts, an endless part without a duration, or parts in volts and in metres.
@@ -61,8 +61,10 @@ class Sequence:
         return math.fsum(length for _, length in self.parts)
 
     def range(self) -> tuple[float, float]:
-        """Return the least and greatest value of all parts: exact, unless a part is cut off before it reaches
-        them."""
+        """Return the least and greatest value of all parts.
+
+        The range may be too wide if a part is cut off before it reaches an extreme value.
+        """
         ranges = [waveform.range() for waveform, _ in self.parts]
         return min(low for low, _ in ranges), max(high for _, high in ranges)
 

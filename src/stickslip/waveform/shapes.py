@@ -1,4 +1,4 @@
-"""Waveforms that happen once: rest, step, ramp and chirp. At t < 0 each is at its offset."""
+"""Waveforms that do not repeat: constant, rest, step, ramp and chirp. Each is constant for t < 0."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .pieces import Piece, assemble
 from .signal import Unit, breaks_within, signal_record, slope_at, value_at
 
 Offset = Annotated[float, Quantity("V", "u_0", "value at rest")]
-Delay = Annotated[float, Quantity("s", "t_0", "time before it begins", minimum=0)]
+Delay = Annotated[float, Quantity("s", "t_0", "time at rest before the change", minimum=0)]
 
 
 @signal_record
 class Constant(NamedTuple):
-    """Constant value `offset` for all times."""
+    """Constant value `level` for all times."""
 
     level: Annotated[float, Quantity("V", "u_0", "value")] = 0.0
     unit: Unit = "V"
@@ -43,7 +43,7 @@ class Constant(NamedTuple):
 
 @signal_record
 class Rest(NamedTuple):
-    """One value for some time: the pause in a `Sequence`."""
+    """Constant value `level` for a limited time, such as a pause in a `Sequence`."""
 
     duration: Annotated[float, Quantity("s", "T", "duration", above=0)]
     level: Annotated[float, Quantity("V", "u_0", "value")] = 0.0
@@ -66,7 +66,7 @@ class Rest(NamedTuple):
 
 @signal_record
 class Step(NamedTuple):
-    """Step from `offset` to `offset + amplitude` at t = `delay`, held for ever."""
+    """Step from `offset` to `offset + amplitude` at t = `delay`; the final value is kept without end."""
 
     amplitude: Annotated[float, Quantity("V", "A", "amplitude")]
     delay: Delay = 0.0
@@ -97,8 +97,10 @@ class Step(NamedTuple):
 
 @signal_record
 class Ramp(NamedTuple):
-    """Ramp from `offset` at a constant rate, starting at t = `delay`; after `rise_time` it holds the value
-    reached."""
+    """Ramp from `offset` at a constant rate.
+
+    It starts at t = `delay`; after `rise_time` the signal keeps the value reached.
+    """
 
     rate: Annotated[float, Quantity("V/s", "R", "rate")]
     delay: Delay = 0.0
@@ -114,12 +116,12 @@ class Ramp(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """Return the time until the ramp holds its value, s; infinite by default."""
+        """Return the time at which the ramp reaches its final value, s; infinite by default."""
         return self.delay + self.rise_time
 
     @property
     def end(self) -> float:
-        """Return the final value (V or m); infinite for an endless ramp."""
+        """Return the final value (V, m or rad); infinite for a ramp without end, unless its rate is 0."""
         return self.offset + (self.rate * self.rise_time if self.rate else 0.0)
 
     def range(self) -> tuple[float, float]:
@@ -134,7 +136,7 @@ class Ramp(NamedTuple):
 
 @signal_record
 class Chirp(NamedTuple):
-    r"""A sine whose frequency goes linearly from start to end, and then rest at `offset`.
+    r"""Linear chirp: a sine whose frequency changes linearly from start to end, then rest at `offset`.
 
     .. math:: u = u_0 + A \sin 2\pi\left(f_0 t + \frac{f_1 - f_0}{2 T} t^2\right) \quad (t < T)
     """
@@ -153,7 +155,7 @@ class Chirp(NamedTuple):
         """Return None: the waveform is not periodic."""
 
     def range(self) -> tuple[float, float]:
-        """Return the exact least and greatest value, also where the sweep ends before the first crest."""
+        """Return the exact least and greatest value, also for a sweep that ends before its first crest."""
         angle = math.pi * (self.start_frequency + self.end_frequency) * self.duration
         high = 1.0 if angle >= math.pi / 2 else math.sin(angle)
         low = -1.0 if angle >= 3 * math.pi / 2 else min(0.0, math.sin(angle))

@@ -1,4 +1,4 @@
-"""Interface of waveforms: the protocol, the shared methods, their units, the range check."""
+"""Interface of waveforms: the protocol, the methods that all waveforms share, units, and the range check."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ Unit = Literal["V", "m", "rad"]
 
 
 class Waveform(Protocol):
-    """A drive signal u(t): `unit` is "V", "m" or "rad"; after `duration` [s] it rests (infinite: never)."""
+    """Drive signal u(t) in `unit` ("V", "m" or "rad"), which is constant after `duration` [s].
+
+    An infinite duration means that the signal does not end.
+    """
 
     @property
     def unit(self) -> str: ...
@@ -29,34 +32,43 @@ class Waveform(Protocol):
     def duration(self) -> float: ...
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]; a jump at the very end is left
-        out."""
+        """Return the segment table of the drive for 0 <= t < duration [s].
+
+        A jump at t = duration is left out.
+        """
         ...
 
     def range(self) -> tuple[float, float]:
-        """Return the least and greatest value over all time, limits of jumps included."""
+        """Return the least and greatest value over all time, including both values at a jump."""
         ...
 
 
-# The shared methods are functions that each class takes into its body by name: a NamedTuple cannot have a
-# second base class, and a decorator that adds methods would hide them from editors and type checkers.
+# The methods that waveforms share are functions, which each class names in its body: a NamedTuple cannot have
+# a second base class, and a decorator that adds methods would hide them from editors and type checkers.
 
 
 def value_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
-    """Return the value u at times t [s] (finite), in an array of their shape; at a jump, the value after it.
-    Raises QuantityError for other times."""
+    """Return the value u at times t [s], in an array of the same shape; at a jump, the value after the jump.
+
+    Raises QuantityError for times that are not finite.
+    """
     return _evaluated(waveform, t, 0)
 
 
 def slope_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
-    """Return the slope du/dt at times t [s] (finite), in an array of their shape; at a kink, the slope after
-    it; jumps are left out. Raises QuantityError for other times."""
+    """Return the slope du/dt at times t [s], in an array of the same shape.
+
+    At a kink or a jump it is the slope after it, so a jump adds nothing. Raises QuantityError for times that
+    are not finite.
+    """
     return _evaluated(waveform, t, 1)
 
 
 def breaks_within(waveform: Waveform, duration: float | str) -> NDArray[np.float64]:
-    """Return the times [s] in [0, duration), 0 first, at which a new formula starts, such as jumps and
-    kinks."""
+    """Return the break points of a waveform: the times [s] in [0, duration) at which a segment starts.
+
+    At these times the signal may have a jump or a kink. The first break point is 0.
+    """
     return waveform.drive(DURATION.check(duration, "duration")).start.copy()
 
 
@@ -65,7 +77,7 @@ def _evaluated(waveform: Waveform, t: ArrayLike, which: int) -> NDArray[np.float
     if not np.all(np.isfinite(times)):
         raise QuantityError("t [s] must be finite times")
     last = max(float(times.max(initial=0.0)), 0.0)
-    table = waveform.drive(last * (1 + 1e-9))  # a little further, for a jump at the last time is wanted too
+    table = waveform.drive(last * (1 + 1e-9))  # a little longer, to include a jump at the last time
     return evaluate(table, times)[which].reshape(times.shape)[()]
 
 
@@ -76,10 +88,10 @@ def check_unit(unit: Any, owner: str) -> None:
 
 
 def signal_record(named_tuple: type[T]) -> type[T]:
-    """Make a ``NamedTuple`` a waveform that checks its fields, as `records.record` does; fields declared in V
-    (or V/s) are read in the record's `unit`.
+    """Class decorator: make a ``NamedTuple`` a waveform with checked fields, and register it by its name.
 
-    The waveform is registered by its name.
+    The fields are checked as by `records.record`. Fields that are declared in V (or V/s) are read in the
+    waveform's own `unit` instead, such as m (m/s).
     """
     checked = record(named_tuple)
     checked_new = checked.__new__
@@ -90,7 +102,7 @@ def signal_record(named_tuple: type[T]) -> type[T]:
         try:
             given: dict[str, Any] = named_tuple(*args, **kwargs)._asdict()  # type: ignore[attr-defined]
         except TypeError:
-            return checked_new(cls, *args, **kwargs)  # which says what field is missing or unknown
+            return checked_new(cls, *args, **kwargs)  # its error names the missing or unknown field
         check_unit(given["unit"], cls.__name__)
         for name, quantity in following.items():
             quantity = quantity._replace(unit=quantity.unit.replace("V", given["unit"]))
@@ -107,11 +119,11 @@ def signal_record(named_tuple: type[T]) -> type[T]:
 
 
 def shape(text: str, folder: str | os.PathLike[str] | None = None) -> Any:
-    """Return the type of a waveform that is made from fields.
+    """Return the class of a waveform that is constructed from fields, such as `Sawtooth`.
 
     Args:
-        text: name, or ``path.py:Name``, whose file is executed.
-        folder: folder of the file that contains the name; None if the user gives the name.
+        text: name of the class, or ``path.py:Name``; the file is then executed.
+        folder: folder of the input file that contains the name; None if the user gives the name.
 
     Raises:
         RegistryError: the name is unknown, or the waveform is not made from fields.
@@ -130,10 +142,10 @@ def check_range(waveform: Waveform, minimum: float | str, maximum: float | str) 
 
     Args:
         waveform: the drive signal.
-        minimum, maximum: limits in its own unit, or strings with units.
+        minimum, maximum: limits in the unit of the waveform, or strings with units.
 
     Raises:
-        QuantityError: it exceeds a limit; the message names the value reached, the limit and the unit.
+        QuantityError: the waveform exceeds a limit; the message names the value reached and the limit.
     """
     unit = waveform.unit
     least, most = to_si(minimum, unit, "minimum"), to_si(maximum, unit, "maximum")
@@ -144,6 +156,6 @@ def check_range(waveform: Waveform, minimum: float | str, maximum: float | str) 
     ):
         if math.isnan(limit):
             raise QuantityError(f"the limit of the drive is no number (expected {unit})")
-        if sign * (value - limit) > 1e-12 * abs(limit):  # 0.1 V + 0.2 V may reach 0.3 V
+        if sign * (value - limit) > 1e-12 * abs(limit):  # tolerates rounding: 0.1 V + 0.2 V
             shown, name = with_prefix(value, unit, 6), type(waveform).__name__
             raise QuantityError(f"{name} reaches {shown}, {words} of {with_prefix(limit, unit, 6)}")

@@ -1,4 +1,4 @@
-"""Waveform behind an amplifier that follows jumps at a limited rate."""
+"""Waveform after an amplifier with a limited slew rate."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from .signal import Waveform, breaks_within, slope_at, value_at
 
 @dataclass(frozen=True)
 class Slewed:
-    """A drive whose jumps take the time that the amplifier's `rate` [V/s] needs, as of a current limit.
+    """Drive in which each jump of `source` is replaced by a ramp at the amplifier's slew rate `rate` [V/s].
 
-    What lies between the jumps is slower, and stays.
+    An amplifier with a current limit has such a slew rate. The signal between the jumps is not changed; it is
+    taken to be slower than the slew rate.
     """
 
     source: Waveform
@@ -35,19 +36,19 @@ class Slewed:
 
     @property
     def duration(self) -> float:
-        """Return the duration, s: that of the source and of a last jump."""
+        """Return the duration, s: the duration of the source and the time of a last jump over its range."""
         low, high = self.source.range()
         return self.source.duration + (high - low) / self.rate
 
     def range(self) -> tuple[float, float]:
-        """Return the range of the source."""
+        """Return the least and greatest value of the source."""
         return self.source.range()
 
     def drive(self, duration: float) -> Drive:
         """Return the segment table of the drive for 0 <= t < duration [s].
 
         Raises:
-            QuantityError: a jump takes longer than what follows it before the next.
+            QuantityError: a ramp takes longer than the segment that follows the jump.
         """
         table = self.source.drive(duration)
         ends = np.append(table.start[1:], np.inf)
@@ -83,9 +84,17 @@ class Slewed:
 
 
 def _meeting(table: Drive, i: int, last: float, rate: float, longest: float) -> float:
-    """Return when an output that moves from `last` at `rate` [V/s] meets segment i, in s from its start."""
+    """Return the duration [s] of the ramp that replaces the jump at the start of segment i.
+
+    Args:
+        table: drive with jumps.
+        i: index of the segment.
+        last: value before the jump, V.
+        rate: slew rate, V/s.
+        longest: duration of the segment, s; the search ends if the ramp takes as long.
+    """
     taken = abs(_at(table, i, 0.0) - last) / rate
-    for _ in range(100):  # a contraction by the segment's slope over the rate
+    for _ in range(100):  # fixed-point iteration; it converges by the segment's slope over the slew rate
         before, taken = taken, abs(_at(table, i, taken) - last) / rate
         if taken >= longest or abs(taken - before) <= 1e-14:
             break
@@ -93,7 +102,7 @@ def _meeting(table: Drive, i: int, last: float, rate: float, longest: float) -> 
 
 
 def _at(table: Drive, i: int, tau: float) -> float:
-    """Return the value of segment i at `tau` [s] after its start, also at its very end."""
+    """Return the value of segment i at the time `tau` [s] after its start, up to its end."""
     c0, c1, c2, c3 = table.polynomial[i].tolist()
     waves = table.harmonic[table.first[i] : table.first[i + 1]].tolist()
     swing = sum(a * math.sin(phase + tau * (omega + chirp * tau)) for a, omega, phase, chirp in waves)
@@ -101,7 +110,7 @@ def _at(table: Drive, i: int, tau: float) -> float:
 
 
 def _shifted(polynomial: np.ndarray, by: float) -> list[float]:
-    """Return the coefficients of the same polynomial for a time that starts `by` [s] later."""
+    """Return the coefficients c_0..c_3 of the same polynomial in a time whose zero is `by` [s] later."""
     c0, c1, c2, c3 = polynomial
     return [
         c0 + by * (c1 + by * (c2 + by * c3)),
