@@ -31,13 +31,14 @@ class Arrival:
 
     @property
     def offset(self) -> float:
-        """Return the mean deviation of the readings from the target over the last batches, m; NaN before
-        there are enough."""
+        """Return the mean deviation of the readings from the target over the last 8 batches, m; NaN before
+        the first 8 batches are complete."""
         return self._mover.there.offset
 
     @property
     def doubt(self) -> float:
-        """Return the largest likely distance of the position from the target plus `offset`, m."""
+        """Return half the width of the interval of the position's deviation from the target, m: the root in
+        the module's equation. The position is at the target if |offset| + doubt is within the tolerance."""
         return math.sqrt(self._mover.there.doubt2)
 
     @property
@@ -47,7 +48,8 @@ class Arrival:
         return math.sqrt(self._mover.there.noise2)
 
     def remark(self, unit: str) -> str:
-        """Return the warning for a noise above a third of the tolerance; the caller checks the noise.
+        """Return the sentence that warns of a sensor's noise above a third of the tolerance. The noise is not
+        checked here.
 
         Args:
             unit: unit of positions, m or rad.

@@ -43,7 +43,8 @@ def whole_number(value: Any, field: str) -> int:
 
 
 def below_half(frequency: float, rate: float, field: str) -> None:
-    """Raise QuantityError for a frequency [Hz] above half the update rate [Hz]."""
+    """Raise QuantityError unless a frequency [Hz] is below half the update rate [Hz]. `field` is the name of
+    the frequency in the message."""
     if not frequency < 0.5 * rate:
         raise QuantityError(
             f"{field} = {with_prefix(frequency, 'Hz')} must be below half the rate, {with_prefix(rate, 'Hz')}"
@@ -93,8 +94,16 @@ class LowPass(NamedTuple):
 def _bilinear(
     frequency: float, rate: float, name: str, above: tuple[float, float, float], middle: float
 ) -> Coefficients:
-    """Return the coefficients of the discrete form of (above[0] p² + above[1] p + above[2]) / (p² + middle p
-    + 1), p = s/ω."""
+    """Return the coefficients b0, b1, b2, a1, a2 of the discrete form (bilinear transform) of the filter
+    (above[0] p² + above[1] p + above[2]) / (p² + middle p + 1) with p = s/ω.
+
+    Args:
+        frequency: ω/2π, Hz, at which the discrete filter has the same response.
+        rate: update rate, Hz.
+        name: name of the frequency in errors.
+        above: coefficients of the numerator.
+        middle: coefficient of p in the denominator.
+    """
     below_half(frequency, rate, name)
     k = 1.0 / math.tan(math.pi * frequency / rate)
     c2, c1, c0 = above
@@ -186,12 +195,14 @@ class Regulator:
             section.reset()
         self._integral, self._from, self._target = voltage, target, target
         self._slope = self._last = 0.0
-        if self.inverse is not None:  # the voltage already contains the output of the inverse
+        # `step` adds the output of the inverse to the integral: subtract its present value, for no jump.
+        if self.inverse is not None:
             self._inverted_from = self.inverse.position
             self._integral -= self.inverse.volts
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured and a wanted position [m]."""
+        """Return the voltage [V] for a measured and a wanted position [m]; the number of the tick is not
+        used."""
         del tick
         value = target - measured
         for section in self.sections:
@@ -228,7 +239,9 @@ class Regulator:
         return found
 
     def state_space(self) -> tuple[Array, Array, Array, float]:
-        """Return the matrices A, B, C, D of the linear part: x' = A x + B e, u = C x + D e."""
+        """Return the matrices A, B, C, D of the regulator without feedforward and limits: x' = A x + B e,
+        u = C x + D e, with the states x, the states x' at the next tick, the error e [m] and the voltage u
+        [V]."""
         rows = [(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)]
         rows += [_section(section.coefficients) for section in self.sections]
         a, b, c, d = rows[0]
@@ -237,7 +250,7 @@ class Regulator:
             b, c, d = np.append(b, b2 * d), np.append(d2 * c, c2), d * d2
         pid, keep = self.pid, self.fading
         slope = pid.derivative * self.rate * (1.0 - keep)
-        # integral, derivative's lag, last value of the filtered error
+        # States of the PID: integral, low-pass of the derivative, last value of the filtered error.
         own = np.diag([1.0, keep, 0.0])
         own[1, 2] = -slope
         into, out = np.array([self.per_tick, slope, 1.0]), np.array([1.0, keep, -slope])

@@ -19,8 +19,8 @@ from .quantised import NoiseShaped
 from .shaping import Slip
 from .steps import StepSizes
 
-_LETTING_GO = 0.05  # s, duration of the ramp to 0 V
-HEARTBEAT = 0.2  # s without a "jog" after which the steps end
+_LETTING_GO = 0.05  # duration of the ramp to 0 V after "release", s
+HEARTBEAT = 0.2  # time without another "jog" command after which its steps end, s
 _MOST_STEPS, _MOST_CYCLES = 100_000, 100_000
 _FARTHEST = {"m": 1.0, "rad": 1e3}
 
@@ -69,12 +69,13 @@ class Commanded:
         self._shaped = NoiseShaped(self.mover, step)
         self.target, self.done = 0.0, False
         self._wanted: float | None = None
-        self._scan: tuple[float, float, float, int] | None = None  # middle, half range, frequency, ticks
+        # middle and half range of a scan (m or rad), its frequency [Hz] and its duration in ticks
+        self._scan: tuple[float, float, float, int] | None = None
         self._scanned = 0
         self._letting = -1  # ticks of the ramp to 0 V that are done; -1: no ramp was requested
         self._ends = round(_LETTING_GO * rate)  # ticks of the whole ramp
         self._last = 0.0
-        # ticks since the last "jog", and their limit
+        # number of ticks since the last "jog" command, and number after which its steps end
         self._silent, self._silence = 0, round(HEARTBEAT * rate)
         self._jogs = 0  # direction of the steps while "jog" is repeated; 0 for none
 
@@ -171,9 +172,9 @@ class Commanded:
         return self._last
 
     def _scanning(self, middle: float, half: float, hertz: float, ticks: int) -> float:
-        """Return the target [m] of a scan, `ticks` updates after its start: a sine about `middle` with
-        amplitude `half` [m] and frequency `hertz` that grows over its first period and decreases over its
-        last."""
+        """Return the next target [m] of a scan: a sine about `middle` with amplitude `half` [m], `hertz` [Hz]
+        and a duration of `ticks` updates, which grows over its first period and decreases over its last. At
+        the end return `middle` and end the scan."""
         self._scanned += 1
         k, rate = self._scanned, self.mover.regulator.rate
         period = rate / hertz
@@ -184,7 +185,9 @@ class Commanded:
         return middle + half * share * math.sin(2.0 * math.pi * hertz * k / rate)
 
     def told(self) -> dict[str, Any]:
-        """Return the state of the move, ready for JSON: numbers in SI, and the phase in words."""
+        """Return the state of the move, ready for JSON: phase, phase in words, remark, True if settled;
+        number of steps and of lost steps; sizes of full steps forward and backward [m]; and how far the piezo
+        can move down and up [m], None unless it holds."""
         mover = self.mover
         follows = self._scanned > 0 and self._scan is not None
         phase = "release" if self._letting >= 0 else "follow" if follows else mover.phase
@@ -231,7 +234,7 @@ def commanded(
     slip: Slip | None = None,
     unit: str = "m",
 ) -> ControllerSpec:
-    """Return the specification from which a rig's process makes a `Commanded`.
+    """Return the specification from which the process that owns a rig makes a `Commanded` controller.
 
     Args:
         walk, table, regulator, gain, slip, unit: as for `Mover`.

@@ -39,10 +39,11 @@ from .blocks import whole_number
 Array = NDArray[np.float64]
 
 _POSITION, _FORWARD, _BACKWARD, _LOAD = range(4)
-# Force of the first difference quotient, as a fraction of the contact's breakaway force. It is halved until
-# the slope changes by less than a fraction, or by less than the error of a step [m].
+# Change of the step with a force: force of the first difference quotient, as a fraction of the contact's
+# breakaway force; largest number of times that it is halved; relative change of the slope below which it is
+# accepted; and error of a simulated step, m, below which a change is not distinguished.
 _PROBE, _HALVINGS, _AGREES, _STEP_ERROR = 0.01, 6, 0.01, 1e-10
-# standard deviations; a measured position further off is reported as an event
+# Deviation of a measured position from the estimate, in standard deviations, above which it is an event.
 _SURPRISE = 5.0
 _AT = Quantity("m", "x", "it")
 _ERROR = Quantity("m", "", "the standard deviation of the position", minimum=0)
@@ -103,7 +104,15 @@ class StepModel(NamedTuple):
 
 
 def _slope(model: Actuator, walk: Waveform) -> float:
-    """Return the change of a step with a force along x, m/N."""
+    """Return the change of a model's net step with a force along x, m/N, from difference quotients.
+
+    Args:
+        model: the actuator.
+        walk: drive of the step.
+
+    Raises:
+        QuantityError: the contact holds no force, or the step is not linear in a small force.
+    """
     probe, unit = _PROBE * _held(model), unit_for(model, "N")
     if not probe > 0.0:
         raise QuantityError(f"the contact of {model.name or 'the actuator'} holds no force [{unit}]")
@@ -208,7 +217,7 @@ class Estimator:
             self._x[_POSITION] -= direction * model.reversal
             self._p[_POSITION, _POSITION] += model.reversal_error**2
             self._way = direction
-        adds = np.zeros((4, 4))  # covariance that one step adds to the position
+        adds = np.zeros((4, 4))  # change of the transition matrix by one step: position by step size and load
         adds[_POSITION, _FORWARD if direction > 0 else _BACKWARD] = direction * scale
         adds[_POSITION, _LOAD] = model.per_load
         move, wander = np.eye(4) + count * adds, self._wander

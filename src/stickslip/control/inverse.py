@@ -26,9 +26,9 @@ class PiezoInverse:
     """Inverse of a piezo with hysteresis and creep: voltages for positions, starting from rest at a voltage.
 
     Args:
-        model: an actuator with a `piezo`; its gain.
+        model: an actuator with a `piezo`, whose hysteresis, creep and gain are used.
         rate: update rate, Hz.
-        voltage: V at which the piezo has rested for long, reached from 0 V.
+        voltage: voltage, V, at which the piezo has rested for long, after a rise from 0 V.
 
     Raises:
         QuantityError: the model has no piezo, or one whose inverse is not known; a number is out of range.

@@ -35,17 +35,16 @@ _GAIN = Quantity("", "λ", "the share of an error that is learnt", minimum=0, ma
 
 
 class Learnt:
-    """A controller: a regulator and its learned correction for each tick of a motion.
+    """Controller for a repeated motion: a regulator with a learned correction of the target at each tick.
 
     Args:
         regulator: regulator of the loop.
         ticks: number of ticks in the motion or period.
-        gain: λ, up to 1.
-        lead: look ahead, in ticks: the delay of the loop in its band.
-        taps: number of taps of Q, odd; 1 passes everything.
-        periodic: repetitive control: learning after each period; the loop must settle
-            within one. Otherwise call `learn` after each run, and the regulator's `begin` before
-            the next.
+        gain: share λ of an error that is learned in each repetition, 0 to 1.
+        lead: number m of ticks by which an error is learned ahead: the delay of the closed loop.
+        taps: number of taps of the filter Q, odd; 1: no filter.
+        periodic: True for repetitive control, which learns after each period by itself; the loop must settle
+            within one. Otherwise call `learn` after each run, and the regulator's `begin` before the next.
 
     Raises:
         QuantityError: a number is out of range or not whole, or `regulator` has the wrong type.
@@ -72,7 +71,7 @@ class Learnt:
         self.regulator: Regulator = of_kind(regulator, Regulator, "Learnt.regulator")
         self.periodic = periodic
         self._lead, self._q = lead, _binomial(taps)
-        self.correction: Array = np.zeros(ticks)  # m
+        self.correction: Array = np.zeros(ticks)  # correction of the target at each tick, m
         self._errors: Array = np.zeros(ticks)
         self.history: list[float] = []  # rms of the error in each run or period, m
 

@@ -35,27 +35,29 @@ Complex = NDArray[np.complex128]
 StateSpace = tuple[Array, Array, Array, float]
 
 _POINTS = 1200  # number of frequencies on the logarithmic scale
-_STEP, _TURN = 0.025, 0.1  # h, and phase of a delay from one frequency to the next, rad
-_WIDE = 0.2  # damping relative to frequency, above which the logarithmic scale is dense enough
-_NARROW = 1e-9  # the same for an undamped mode
+# spacing h near a resonance (see the module), and largest phase of a delay between two frequencies, rad
+_STEP, _TURN = 0.025, 0.1
+_WIDE = 0.2  # damping over frequency of a resonance above which the logarithmic scale is dense enough
+_NARROW = 1e-9  # damping over frequency that is assumed for an undamped mode
 # largest number of states of a closed loop whose poles are computed; for more, the Nyquist criterion is used
 _STATES = 48
 _FINER, _ROUNDS = 13, 6  # frequencies between two where the sensitivity is largest, and number of refinements
 # A mode above this share of the update rate is aliased: if its frequency is wrong by 5 %, the aliased
 # frequency is wrong by up to 10 %. Notches are not placed there.
 NEAR_NYQUIST = 0.4
-# share r of a vibration left after a tick; less is not a resonance: (1 + r) / (1 - r) is below 1.7
+# Share r of a vibration left after a tick below which a mode is not a resonance of the sampled loop: its peak
+# over its lowest response, (1 + r) / (1 - r), is then below 1.7.
 RINGS = 0.25
 SEEN = 1e-3  # smallest share of the stroke of a mode that is visible in a response
 _EVEN = 1e-4  # relative change of the sensitivity below which no frequencies are added between two
 
 
 class Loop(NamedTuple):
-    """A sticking actuator, sampled at the update rate, as a linear system.
+    """A sticking actuator, sampled at the update rate, as a linear system from voltage [V] to position [m].
 
-    Fields: state transition (n, n), input (n,), output (n,), rate [Hz], delay in ticks; poles without the
-    delay and their residues [m/V]; zeros; response [m/V] at `frequencies` [Hz] below half the rate; and the
-    frequency [Hz] of the lowest `aliased` mode, or 0.
+    Fields: state transition `a` (n, n), input `b` (n,), output `c` (n,), including the states of the delay;
+    rate [Hz]; delay in ticks; poles and their residues [m/V], and zeros, without the delay; response [m/V] at
+    `frequencies` [Hz] below half the rate; and the frequency [Hz] of the lowest `aliased` mode, or 0.
     """
 
     a: Array
@@ -90,7 +92,13 @@ def grid(rate: float, delay: int = 0) -> Array:
 
 
 def _about(roots: Iterable[complex], rate: float, ends: Array) -> list[Array]:
-    """Return frequencies [Hz] near those of poles and zeros, with a spacing relative to their damping."""
+    """Return frequencies [Hz] around each resonance, with a spacing in proportion to its damping.
+
+    Args:
+        roots: poles and zeros of a sampled system.
+        rate: update rate, Hz.
+        ends: array of frequencies, Hz; only frequencies between its first and last are returned.
+    """
     found = []
     for root in roots:
         if abs(root.imag) < 1e-6 * abs(root):  # not a resonance
@@ -109,7 +117,7 @@ def _about(roots: Iterable[complex], rate: float, ends: Array) -> list[Array]:
 def _frequencies(rate: float, delay: int, roots: Iterable[complex]) -> Array:
     known = grid(rate, delay)
     parts = [known, *_about(roots, rate, known)]
-    if delay:  # its phase is linear in frequency: the logarithmic scale becomes too coarse
+    if delay:  # the phase of a delay is linear in frequency: at high ones the logarithmic scale is too coarse
         apart = _TURN * rate / (2.0 * math.pi * delay)
         first = apart / (known[1] / known[0] - 1.0)
         parts.append(np.arange(first, known[-1], apart))
@@ -120,10 +128,10 @@ def sampled_loop(model: Actuator, output: OutputStage | float | str, *, delay: i
     """Return the sticking actuator behind an output stage, sampled at its updates.
 
     Args:
-        model: identified.
-        output: its update rate, and the lag of its amplifier; or the rate alone, Hz. Limits of slope and
-            current are not in a linear loop.
-        delay: whole ticks between a measured position and its voltage; 0: put out at once.
+        model: identified actuator, whose contact sticks.
+        output: output stage, of which the update rate and the amplifier's lag are used; or the rate alone,
+            Hz. Limits of slope and current are not in a linear loop.
+        delay: number of ticks between a measured position and the output of its voltage; 0: at once.
 
     Raises:
         QuantityError: a rate or a delay is out of range; see `simulation.sticking`.
@@ -141,13 +149,13 @@ def sampled_loop(model: Actuator, output: OutputStage | float | str, *, delay: i
     late, into = np.zeros((size, size)), np.zeros(size)
     late[:n, :n] = a
     late[:n, n : n + 1] = b[:, None] if delay else late[:n, n : n + 1]
-    late[n:, n:] = np.eye(delay, k=1)  # outputs that are still delayed
+    late[n:, n:] = np.eye(delay, k=1)  # delay line of the voltages that are not yet put out
     if delay:
         into[-1] = 1.0
     else:
         into[:] = b
     out = np.append(c, np.zeros(delay))
-    # Eigenvectors of the plant without its delay, whose states have none.
+    # Poles and residues without the delay: the matrix of a delay line has too few eigenvectors.
     roots: Any = np.linalg.eig(a)
     poles, vectors = roots
     residues = (c @ vectors) * np.linalg.solve(vectors, b)
@@ -181,7 +189,7 @@ def _aliased(own: Sticking, rate: float) -> float:
 
 
 def _zeros(a: Any, b: Any, c: Array) -> Complex:
-    """Return the zeros of c (z - a)⁻¹ b."""
+    """Return the zeros of c (z - a)⁻¹ b with a magnitude below 1000, as eigenvalues of a matrix pencil."""
     n = b.size
     left, right = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     left[:n, :n], left[:n, n], left[n, :n] = a, b / (np.abs(b).max() or 1.0), c
@@ -191,7 +199,8 @@ def _zeros(a: Any, b: Any, c: Array) -> Complex:
 
 
 def crossings(values: Array, others: Array) -> list[tuple[int, float]]:
-    """Return the indices before which `values` change sign, with `others` interpolated there."""
+    """Return for each change of sign of `values` [n] the index before it, and `others` [n] interpolated
+    linearly at the zero."""
     above = values > 0.0
     at = np.flatnonzero(above[1:] != above[:-1])
     share = values[at] / (values[at] - values[at + 1])
@@ -201,8 +210,9 @@ def crossings(values: Array, others: Array) -> list[tuple[int, float]]:
 class OpenLoop(NamedTuple):
     """A regulator in series with a loop: the open loop.
 
-    Its response from error to position at `frequencies` [Hz] is stored as logarithm of its magnitude, phase,
-    the real value at half the rate, and the magnitude where it opposes the error (`turned`).
+    Fields: the regulator, its state space (`own`), and the loop; the response from error to position at
+    `frequencies` [Hz], as complex `curve`, logarithm of its magnitude (`level`) and phase [rad]; its real
+    value at half the update rate (`real`); and its magnitudes where its phase is -180 degrees (`turned`).
     """
 
     regulator: Regulator
@@ -238,8 +248,8 @@ class OpenLoop(NamedTuple):
         return self.regulator.response(frequencies) * self.loop.at(frequencies)
 
     def sensitivity(self, factor: float = 1.0) -> float:
-        """Return the maximum of the sensitivity function, with the regulator's gain multiplied by
-        `factor`."""
+        """Return the maximum of the sensitivity function |1 / (1 + L)|, with the regulator's gain multiplied
+        by `factor`; infinite if the open loop L passes through -1."""
         known, curve = self.frequencies, factor * self.curve
         away = np.abs(1.0 + curve)
         k, least = int(np.argmin(away)), min(float(away.min()), abs(1.0 + factor * self.real))
@@ -254,12 +264,14 @@ class OpenLoop(NamedTuple):
         return 1.0 / least if least else math.inf
 
     def stable(self, factor: float = 1.0) -> bool:
-        """Return True if all poles of the closed loop are inside the unit circle."""
+        """Return True if all poles of the closed loop are inside the unit circle, with the regulator's gain
+        multiplied by `factor`."""
         a, b, c, d = self.own
         if self.loop.b.size + b.size > _STATES:
             return self._turns(factor)
         closed, _ = _closed((a, b, factor * c, factor * d), self.loop)
-        if not self.regulator.per_tick:  # a constant integral is not part of the loop
+        # Without integral gain the integral is constant: its pole at 1 is not part of the loop.
+        if not self.regulator.per_tick:
             keep = np.arange(len(closed)) != len(closed) - 3
             closed = closed[np.ix_(keep, keep)]
         return bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0 - 1e-12)
@@ -278,7 +290,7 @@ class OpenLoop(NamedTuple):
         for pole in [*([1.0] if self.regulator.per_tick else []), *undamped]:
             value = value * (1.0 - pole * later)
         turned = float(np.unwrap(np.angle(value))[-1])
-        # The curve starts above 0, at rest; a loop with the wrong sign there is unstable.
+        # At frequency 0 the value 1 + L must be positive: a loop with positive feedback there is unstable.
         stroke = float((self.loop.residues / (1.0 - self.loop.poles)).sum().real)
         pid = self.regulator.pid
         begins = stroke if pid.integral else 1.0 + factor * pid.proportional * stroke
@@ -297,8 +309,8 @@ def step_response(regulator: Regulator, loop: Loop, ticks: int) -> Array:
 
 
 def closed_loop(regulator: Regulator, loop: Loop) -> tuple[Array, Array]:
-    """Return state transition and input matrix (from the target) of the closed loop; the states of the loop
-    come first."""
+    """Return the state transition (n, n) and the input (n,) from the target of the closed loop. The first
+    states are those of `loop`, the others those of the regulator."""
     return _closed(regulator.state_space(), loop)
 
 

@@ -70,7 +70,15 @@ _HOLD = Quantity("s", "", "the time at the target", minimum=0, maximum=math.inf)
 
 
 def _numbers(walk: Stepping, regulator: Regulator, gain: float, batches: int) -> dict[str, Any]:
-    """Return members of the plan in C: the range of the piezo, and the parameters of the arrival test."""
+    """Return members of the C struct `mover_plan` by name: range of the piezo, parameters of the arrival test
+    and of the steps.
+
+    Args:
+        walk: parameters of stepping.
+        regulator: regulator with update rate and voltage limits.
+        gain: gain of the piezo, m/V.
+        batches: number of batches into which the dwell time is divided for the arrival test.
+    """
     rate, low, high = regulator.rate, regulator.low, regulator.high
     kept = walk.margin * (high - low)
     return {
@@ -90,7 +98,7 @@ def _numbers(walk: Stepping, regulator: Regulator, gain: float, batches: int) ->
 
 
 def _member(name: str) -> Any:
-    """Return a property that reads a member of the state machine in C."""
+    """Return a property that reads and sets the member `name` of the state machine in C."""
     return property(
         lambda mover: getattr(mover._c, name), lambda mover, value: setattr(mover._c, name, value)
     )
@@ -119,9 +127,11 @@ class Mover:
         plan: parameters of the move, as C takes them.
         arrival: test whether the position is at the target; see `Arrival`.
         remark: a sentence if noise prevents the arrival test, otherwise "".
-        steps_wanted: set to make this number of full steps at once (negative: backward), and then hold
-            there, whatever the target is.
-        centre_wanted: set to recentre the piezo while holding the same target.
+        steps_wanted: number of full steps to make (negative: backward). Set it, and the mover makes them and
+            then holds where it is, whatever the target is.
+        jogs: number of these steps that are left.
+        centre_wanted: set to True while holding, to bring the piezo to the middle of its range by a step or
+            two, at the same target.
     """
 
     def __init__(
@@ -191,8 +201,8 @@ class Mover:
 
     @property
     def plausibility(self) -> Plausibility:
-        """Return thresholds beyond which a loop with this mover does not believe its sensor; those of a model
-        are narrower, see `control.plausibility`."""
+        """Return the thresholds beyond which a loop with this mover does not believe its sensor, from the
+        table of step sizes. `control.plausibility` gives narrower ones from a model."""
         return of_steps(self.steps_of.table, self.gain, self.regulator.high - self.regulator.low)
 
     @property
@@ -251,7 +261,7 @@ class Mover:
         return c.voltage
 
     def _note(self, tick: int) -> None:
-        """Record the start of a phase."""
+        """Append the present phase and its start time [s] to `history`."""
         self._entered = self._c.entered
         self.history.append((self.phase, tick / self.regulator.rate))
 

@@ -18,7 +18,8 @@ from .estimator import Estimator
 from .step_law import StepLaw
 
 _AT = Quantity("m", "", "the position")
-_SPREAD = 1.3  # ratio of the largest step at another voltage to the largest calibrated step per volt
+# largest step per volt at a voltage that was not calibrated, relative to that at the largest calibrated one
+_SPREAD = 1.3
 _SAME = 0.01  # largest relative deviation of a frequency from the calibration
 _ANYWHERE = 1.0  # m, standard deviation of an unknown position
 _UNIFORM = math.sqrt(3.0)  # ratio of half-width to standard deviation of a uniform distribution
@@ -169,8 +170,8 @@ class DeadReckoning:
         self._doubt(1, volts, f"the piezo is held at {volts:g} V")
 
     def _doubt(self, count: int, volts: float, why: str) -> None:
-        """Widen the interval by the largest displacement of these steps in either direction, and note the
-        reason."""
+        """Widen the interval by the largest displacement that `count` steps of amplitude `volts` [V] can make
+        in either direction, and add the reason `why` to `doubt`."""
         most = max(self.law.forward[-1], self.law.backward[-1]) / self.law.voltages[-1]
         far = abs(count) * _SPREAD * most * max(volts, self.law.voltages[-1])
         self._estimator.doubted(far / _UNIFORM)

@@ -10,15 +10,18 @@ from ..quantities.units import optional_si, to_si, unit_for
 from ..rig.plausibility import Plausibility
 from .steps import StepSizes
 
-# speed limit, relative to that of the stage when it vibrates after a jump through the whole range
+# largest believed speed, relative to that of the stage when it vibrates after a jump through the whole range
 _SPEED = 3.0
-_STICKS = 0.3  # largest share of the slope at the start of stepping at which the contact certainly sticks
+# largest slope of the voltage at which the contact certainly sticks, relative to the voltage at which
+# stepping starts times the stage's natural frequency
+_STICKS = 0.3
 _RINGS = 4.0  # settling time, in time constants of the stage
 _SETTLING = (2e-3, 0.02)  # s, smallest and largest settling time
 _STROKE = 0.05  # share of the stroke of motion that the drive need not explain: creep, loads
 _BEGINS = 0.05  # share of the largest step that counts as the start of stepping
-_SLOW, _QUICK = 1e3, 3e4  # rad/s, range of natural frequencies of unknown stages
-_ASTRAY = 5.0  # largest unexplained displacement, in steps
+_SLOW, _QUICK = 1e3, 3e4  # lowest and highest natural frequency that an unknown stage may have, rad/s
+# largest displacement beyond the piezo's stroke that the drive need not explain, in largest steps
+_ASTRAY = 5.0
 
 
 def plausibility(
@@ -37,8 +40,8 @@ def plausibility(
         output: converter and amplifier, or the rate of its updates, Hz.
         frequency: frequency of the steps, Hz.
         max_voltage: difference between least and greatest voltage, V.
-        table: `StepSizes.of_model` for the same arguments, if it has been computed.
-        noise: standard deviation of a reading, m.
+        table: `StepSizes.of_model` for the same arguments, if it has been computed; None: compute it.
+        noise: standard deviation of a reading, m; None: 0.
     """
     rms = optional_si(noise, unit_for(model, "m"), "noise") or 0.0
     span = to_si(max_voltage, "V", "max_voltage")
@@ -68,9 +71,9 @@ def of_steps(
         table: step sizes.
         gain: gain of the piezo, m/V.
         span: difference between least and greatest voltage, V.
-        omega: natural frequency of the stage, rad/s, if known.
-        settling: settling time of stage and sensor, s, if known.
-        rms: noise of a reading, m.
+        omega: natural frequency of the stage, rad/s; None: unknown.
+        settling: settling time of stage and sensor, s; None: unknown. It is limited to 2 to 20 ms.
+        rms: standard deviation of a reading, m.
     """
     volts = np.array(table.voltages)
     sizes = 0.5 * (np.array(table.forward) + np.array(table.backward))

@@ -168,7 +168,12 @@ static inline double mover_step(mover *m, regulator *loop, double measured, doub
 
 
 def _initial(value: Any, tables: Iterator[str]) -> str:
-    """Return the initialiser of a C struct, or of a member; its pointers refer to these tables in turn."""
+    """Return the C source text that initialises a struct, or one of its members.
+
+    Args:
+        value: struct, array, pointer or number.
+        tables: names of the C arrays to which the pointers in the struct refer, in turn.
+    """
     kind = ffi.typeof(value) if isinstance(value, ffi.CData) else None
     if kind is None:
         return _number(value) if isinstance(value, float) else str(value)
@@ -189,7 +194,7 @@ def mover_source(mover: Mover) -> str:
     ``mover_step(&m, &loop, measured, target, tick)``.
     """
     mover.plan.table = mover.steps_of.of[0]
-    # In the order of the pointers in mover_plan.
+    # Names of the C arrays, in the order of the pointers in the struct mover_plan.
     names = ("mover_slip", "mover_voltages", "mover_forward", "mover_backward")
     rows = zip(names, (mover.slipping, *mover.steps_of.rows), strict=True)
     tables = [f"static const double {name}[] = {{{', '.join(map(_number, row))}}};" for name, row in rows]

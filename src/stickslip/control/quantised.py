@@ -47,7 +47,7 @@ class NoiseShaped:
         """Return the voltage [V], a whole number of steps."""
         wanted = self.controller.step(measured, target, tick)
         steps = (wanted + self._left) / self._q
-        if not abs(steps) < 1e15:  # not a finite number: the caller refuses it
+        if not abs(steps) < 1e15:  # NaN or too large to be rounded: the caller refuses such a voltage
             return wanted
         whole = round(steps)
         given = min(max(whole, self._low), self._high) * self._q
@@ -58,7 +58,8 @@ class NoiseShaped:
 
 
 def _limits(controller: Any) -> tuple[float, float]:
-    """Return the voltage limits of the regulator in a controller, V."""
+    """Return the voltage limits, V, of the regulator in a controller, or in a controller within it; infinite
+    if there is no regulator."""
     one = controller
     for _ in range(_DEEPEST):  # a controller that contains itself would never end
         if isinstance(one, Regulator):
@@ -68,7 +69,8 @@ def _limits(controller: Any) -> tuple[float, float]:
 
 
 def _within(limit: float, step: float) -> float:
-    """Return the greatest multiple of `step` that does not exceed `limit`, V."""
+    """Return the largest whole number of converter steps (each `step` V) that does not exceed `limit` [V]; a
+    limit of 1e15 steps or more, or an infinite one, is returned as it is."""
     if not abs(limit) / step < 1e15:
         return limit
     most = math.floor(limit / step)

@@ -26,7 +26,7 @@ from .blocks import RATE, Pid, whole_number
 
 _FORGOTTEN = 4  # number of periods until the oscillation is steady
 _RAMP, _REST = 0.1, 0.05  # s, duration of the ramp to the middle, and of the rest there
-# smallest band in standard deviations of the noise at rest; in a smaller one noise would switch the relay
+# smallest band of the relay, in standard deviations of the noise at rest: with less, noise would switch it
 _CLEAR = 3.0
 _SLOPE = Quantity("V/s", "s", "the slope of the voltage", above=0)
 _MIDDLE = Quantity("V", "", "the voltage where it oscillates")
@@ -57,7 +57,7 @@ class Relay:
     Args:
         slope: slope of the voltage, up and down, V/s.
         rate: update rate, Hz.
-        voltage: V about which it oscillates.
+        voltage: voltage about which the loop oscillates, V, such as the middle of the piezo's range.
         band: distance beyond the middle at which the relay switches, m: at least three times the noise of the
             sensor at rest, which is measured, and small compared with the amplitude.
         reach: largest deviation of the voltage to each side, V.
@@ -125,7 +125,7 @@ class Relay:
         QuantityError before the relay is `done`."""
         if not self.done:
             raise QuantityError("the relay has not oscillated for long enough yet")
-        swing = np.array(self._swing)  # whole periods
+        swing = np.array(self._swing)  # positions over whole periods, so that the mean gives the harmonic
         period = swing.size / (self._periods * self._rate)
         turns = 2.0 * math.pi * self._periods / swing.size * np.arange(swing.size)
         amplitude = 2.0 * abs(complex(np.mean(swing * np.exp(1j * turns))))

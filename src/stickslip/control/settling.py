@@ -20,7 +20,7 @@ from ..quantities.units import QuantityError, to_si
 if TYPE_CHECKING:
     import xarray as xr
 
-WINDOWS = (1e-6, 100e-9, 30e-9, 10e-9, 3e-9)  # m (rad)
+WINDOWS = (1e-6, 100e-9, 30e-9, 10e-9, 3e-9)  # default half-widths of the windows about the target, m (rad)
 _TIME = Quantity("s", "", "it", minimum=0)
 _MEAN = 1e-3  # s over which a position is averaged before it is compared with a window
 

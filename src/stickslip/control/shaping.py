@@ -131,7 +131,7 @@ class Shaping:
     def __init__(self, controller: Controller, shaper: Shaper, rate: float | str) -> None:
         self.controller, self.rate = controller, RATE.check(rate, "Shaping.rate")
         self._taps = shaper.taps(self.rate)
-        self._targets: Array | None = None  # latest first
+        self._targets: Array | None = None  # targets of the last ticks, latest first
 
     @property
     def done(self) -> bool:

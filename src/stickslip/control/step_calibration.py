@@ -126,7 +126,8 @@ def measure_travel(
     error: float | str = 0.0,
     progress: Progress = unheard,
 ) -> xr.Dataset:
-    """Count the steps from limit to limit, for each voltage and direction, `repeats` times.
+    """Count the steps from limit to limit, for each voltage and direction, `repeats` times; return a dataset
+    over "burst" for `fit_steps`.
 
     Args:
         positioner, axis, progress: as for `measure_steps`.
@@ -167,7 +168,11 @@ def _to_limit(
     volts: float,
     bursts: Bursts,
 ) -> int:
-    """Step until the limit of a direction is reached; return the number of steps."""
+    """Step until the limit of a direction (1: upper, -1: lower) is reached; return the number of steps.
+
+    Raises:
+        RigError: the limit is not reached within `_MOST_STEPS`.
+    """
     count = 0
     while at_limit() != direction:
         _step(positioner, axis, direction * int(bursts.steps), volts, bursts)

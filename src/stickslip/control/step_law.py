@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _MOST_BYTES = 1_000_000  # largest size of a file of a law
-FEWEST = 8  # fewest bursts beyond the number of step sizes
-# bounds of sigma, of tau relative to the mean step, of q_c and q_s
+FEWEST = 8  # fewest bursts for a fit beyond the number of step sizes (two for each voltage)
+# Bounds of the noise parameters in a fit: sigma, tau relative to the mean step, q_c and q_s.
 _BOUNDS = ((1e-4, 1.0), (1e-3, 1.0), (1e-7, 0.05), (1e-7, 0.05))
 _STARTS = ((0.05, 0.05, 1e-4, 1e-4), (0.2, 0.01, 2e-3, 1e-5), (0.02, 0.2, 1e-5, 2e-3))
 _FALLS = 0.25  # fall of the log-likelihood at the upper end of a drift; study: docs/benchmarks/open-loop.md
@@ -233,9 +233,10 @@ class _Fit:
         self.x = np.zeros((self.y.size, sizes + 1))
         self.x[np.arange(self.y.size), self.column] = self.count
         self.x[:, -1] = -reversed_
-        if not np.ptp(reversed_):  # the same in all bursts: it cannot be distinguished
+        # If all bursts or none follow a reversal, its lost displacement is not distinguished from the steps.
+        if not np.ptp(reversed_):
             self.x = self.x[:, :-1]
-        # steps from the middle of a burst to the end
+        # number of steps from the middle of each burst to the end of the calibration
         later = np.cumsum(self.count[::-1])[::-1] - 0.5 * self.count
         self.shared = np.minimum.outer(later, later)
         self.same = np.equal.outer(self.way, self.way)
@@ -292,8 +293,9 @@ class _Fit:
         return made
 
     def _solved(self, logs: Array) -> tuple[Array, Array]:
-        """Return step sizes and the displacement lost at a reversal, with their covariance, for noise
-        parameters (logarithms)."""
+        """Return the estimates [m] of the step sizes (forward, then backward) and of the displacement lost at
+        a reversal, if it is fitted, with their covariance; `logs` are the logarithms of the noise
+        parameters."""
         factor = scipy.linalg.cho_factor(self._covariance(logs))
         weighted = scipy.linalg.cho_solve(factor, self.x)
         covariance = np.linalg.inv(self.x.T @ weighted)
@@ -309,8 +311,14 @@ class _Fit:
         return half + 0.5 * float(np.linalg.slogdet(normal)[1]) + 0.5 * float(left @ left)
 
     def _upper(self, best: Array, least: float, k: int, most: float) -> float:
-        """Return the logarithm of drift number `k` at which the log-likelihood has fallen by `_FALLS`, at
-        most `most`."""
+        """Return the upper end of a drift, as logarithm: where the log-likelihood has fallen by `_FALLS`.
+
+        Args:
+            best: logarithms of the most likely noise parameters.
+            least: negative log-likelihood there.
+            k: index of the drift among the noise parameters.
+            most: largest logarithm, which is returned if the log-likelihood does not fall so far.
+        """
 
         def fallen(value: float) -> float:
             other = best.copy()

@@ -28,11 +28,11 @@ Array = NDArray[np.float64]
 
 # Share of a step in which the voltage rises; in the rest, after the slip edge, the vibration decays.
 RISING = 0.8
-_EDGE = 1e-5  # share of a step that the slip edge takes in the model
+_EDGE = 1e-5  # shortest slip edge in a simulation without updates, as a share of the step's period
 _VOLTAGES = 16  # number of voltages in a table that is made from a model
-# standard deviation of the table relative to its largest step, when it is combined with measured steps
+# In learning, the table counts as one measured step of this size, relative to its largest step.
 _PRIOR = 0.1
-_LEAST = 0.05  # smallest voltage of a table, relative to the largest
+_LEAST = 0.05  # smallest voltage of a table that is made from a model, relative to the largest
 _FEWEST = 8  # fewest ticks of a step
 
 
@@ -53,7 +53,7 @@ class StepTicks(NamedTuple):
             raise QuantityError(
                 f"Stepping.frequency = {frequency:g} Hz leaves {period} ticks a step; {_FEWEST} are needed"
             )
-        # At least one tick without voltage.
+        # At least one tick after the rise has a remaining share of 0.
         return cls(period, round(RISING * period), slip.left(rate) or (0.0,))
 
     def left(self, count: int) -> float:
@@ -69,8 +69,8 @@ class StepTicks(NamedTuple):
 class StepSizes(NamedTuple):
     """Net step sizes (distances, m) forward (towards +x) and backward at several voltages [V].
 
-    In a step the voltage rises over the share `RISING` of its period, returns at once, and rests. Step sizes
-    do not decrease with the voltage.
+    In a step the voltage rises over the share `RISING` of its period, returns at once or along a slip edge,
+    and rests. Step sizes do not decrease with the voltage.
     """
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
@@ -132,8 +132,8 @@ class StepSizes(NamedTuple):
 
 
 def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, slip: Slip) -> tuple[Array, str]:
-    """Return the net steps [m] of walks with these amplitudes [V], and the reason if the last one has
-    none."""
+    """Return the net steps [m] of periodic walks with the amplitudes `volts` [V] at `hertz` steps per second,
+    NaN without a steady one; and the reason why the last one has none, otherwise an empty text."""
     if not (output.updates or output.amplifier or np.isfinite(output.slope)):
         drive, shares = _knots(hertz, float(volts[-1]), slip)
         varied = {f"value_{k + 2}": volts * share for k, share in enumerate(shares[:-1].tolist())}
@@ -185,12 +185,13 @@ def _ticks(output: OutputStage, hertz: float, amplitude: float, base: float, sli
 
 
 class Steps:
-    """A table of step sizes with factors `forward` and `backward`, learned by least squares over the steps
-    that were made, each with its own scatter. The engine's ``c/mover.h`` computes them.
+    """A table of step sizes, multiplied by the factors `forward` and `backward`, which are learned by least
+    squares from the steps that were made. The engine's ``c/mover.h`` computes them.
 
     Args:
-        table: initial table; it has the weight of one step of a tenth of its largest.
-        learning: weight of each new step; 0 learns nothing.
+        table: initial table; in learning it counts as one step of a tenth of its largest.
+        learning: share by which each new step reduces the weight of the earlier ones, 0 to 1; 0 learns
+            nothing.
     """
 
     def __init__(self, table: StepSizes, learning: float | str = 0.05) -> None:
@@ -205,7 +206,7 @@ class Steps:
 
     @property
     def rows(self) -> list[tuple[float, ...]]:
-        """Return rows of voltage [V], step forward and backward [m], starting with 0."""
+        """Return three rows, each starting with 0: voltages [V], steps forward [m], steps backward [m]."""
         return [(0.0, *one) for one in self.table[:3]]
 
     def continue_in(self, mover: Any) -> None:
@@ -215,12 +216,12 @@ class Steps:
 
     @property
     def forward(self) -> float:
-        """Return the factor by which the controller scales forward steps relative to the model's."""
+        """Return the learned ratio of forward steps to those of the table, 0.1 to 10."""
         return self.of.ways[0].factor
 
     @property
     def backward(self) -> float:
-        """Return the factor by which the controller scales backward steps relative to the model's."""
+        """Return the learned ratio of backward steps to those of the table, 0.1 to 10."""
         return self.of.ways[1].factor
 
     def size(self, voltage: float, direction: int) -> float:

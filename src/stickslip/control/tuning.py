@@ -113,7 +113,8 @@ class Tuning(NamedTuple):
 
     @property
     def dataset(self) -> xr.Dataset:
-        """Open loop of each model over frequency [Hz], as ``ss.plot`` draws it."""
+        """Return the response of the open loop (without unit) of each model over frequency [Hz], for
+        ``ss.plot``."""
         frequencies = np.unique(np.concatenate([one.frequencies for one in self.loops]))
         own = self.regulator(self.loops[0].rate).response(frequencies)
         opened = np.array([own * one.at(frequencies) for one in self.loops])
@@ -203,7 +204,8 @@ def _margins(opened: OpenLoop, factor: float = 1.0) -> Margins:
 
 
 def _from_curve(opened: OpenLoop, factor: float) -> Margins:
-    """Return the margins at the known frequencies; stability is not checked."""
+    """Return the margins from the response at the computed frequencies, with the regulator's gain multiplied
+    by `factor`. Stability is not checked: `stable` is True."""
     level = opened.level + math.log(factor)
     least = float(np.abs(1.0 + factor * opened.curve).min())
     at = [factor * one for one in opened.turned]
@@ -226,8 +228,16 @@ def check_margins(
     output: OutputStage | None = None,
     delay: int = 1,
 ) -> Margins:
-    """Return the worst margins of a regulator over a model and a posterior, behind an output stage (by
-    default with the regulator's rate and no lag). A `ControlWarning` names an aliased mode.
+    """Return the worst margins of a regulator over a model and a posterior. A `ControlWarning` names an
+    aliased mode.
+
+    Args:
+        regulator: the regulator.
+        model: identified actuator.
+        requirement: required margins.
+        posterior: result of `ss.posterior`, or other actuators that are checked too.
+        output: output stage; by default with the regulator's rate and no lag.
+        delay: number of ticks between a measured position and its voltage, including the sensor's delay.
 
     Raises:
         MarginError: the loop is unstable for one of the models, or has less than a required margin.
@@ -342,8 +352,11 @@ def _greatest(
 
 
 def _keeps(opened: OpenLoop, gain: float, requirement: MarginRequirement) -> bool:
-    """Return True if the loop keeps the margins with this gain. Most gains that fail are found from the known
-    response alone."""
+    """Return True if the loop is stable and keeps the margins with the regulator's gain multiplied by `gain`.
+
+    The margins at the computed frequencies are tested first: they exclude most gains without the expensive
+    test of stability.
+    """
     if _wrong(_from_curve(opened, gain), requirement):
         return False
     return not _wrong(_margins(opened, gain), requirement)
