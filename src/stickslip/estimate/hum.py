@@ -35,7 +35,8 @@ class HumLine(NamedTuple):
         return self.shape_at(np.arange(count, dtype=float))
 
     def shape_at(self, times: Array) -> Array:
-        """Return cosine and sine at its frequency for times [n] in samples, shape (n, 2)."""
+        """Return cosine and sine at its frequency for times [n], shape (n, 2). The times are in samples, or
+        in s if the frequency is in Hz."""
         angle = 2.0 * np.pi * self.frequency * times
         return np.column_stack([np.cos(angle), np.sin(angle)])
 

@@ -33,8 +33,8 @@ Density = Callable[[Array], tuple[Array, Array]]
 
 LEVEL = 0.95
 CHAINS, ROUND = 4, 256  # number of chains; largest number of proposals that are evaluated together
-# FORGOTTEN: share of each chain that is discarded at its start. ROOM: a mixture is fitted again only if
-# simulations for at least this number of rounds remain.
+# FORGOTTEN: share of each chain that is discarded at its start. ROOM: after its first round, a mixture is
+# fitted again only if simulations for at least this number of rounds remain.
 FORGOTTEN, ROOM = 0.1, 8
 # EFFICIENT: ratio of effective to actual number of proposals at which a mixture is good enough. WANTED:
 # effective number of points for the fit of a mixture; with fewer, the weights are flattened until they have

@@ -91,7 +91,7 @@ def _until(left: Array, first: int, end: int) -> int:
     Args:
         left: absolute error of that model at each sample, m.
         first: index of the first sample after the edge.
-        end: index of the next edge.
+        end: index of the next edge, or number of samples.
     """
     most = min(MOST, int(AFTER * (end - first)))
     after = left[first : first + most]
