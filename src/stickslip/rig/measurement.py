@@ -1,4 +1,4 @@
-"""One recording from any rig: put out a drive through the gate, check the samples, record."""
+"""One recording from any rig: output a drive within the limits, check the samples, record."""
 
 from __future__ import annotations
 
@@ -35,11 +35,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DRIVE, POSITION = "drive", "end_effector_position"
-SETTLING = 0.01  # s before the pre-trigger in which filters settle
+SETTLING = 0.01  # s sampled before the recording starts, in which the channels' filters settle
 
 
 class RunPlan(NamedTuple):
-    """Inputs of one run: voltages, samples to record, sample at which the drive starts, and longest wait."""
+    """Plan of one run of a rig.
+
+    `volts` are the voltages at the piezo, one per update [n], and `samples` is the number of samples to
+    record. `begin` is the index of the sample at which the drive starts, and `wait` the longest wait for the
+    trigger after that, in samples.
+    """
 
     volts: Array
     samples: int
@@ -73,7 +78,7 @@ def measure(
         capture: length, interval, trigger, averaging.
         limits: limits of the output and the position.
         title, notes, attributes: stored with the recording.
-        progress: called with each block of samples; see `progress`.
+        progress: called at each block of samples, with "recording" and the finished fraction of the runs.
         home: origin of positions; by default the end-effector's position when this rig was first used. A
             `HostedRig` has its own home.
         save: file for the recording, NAME.nc. Disk space is reserved before the output starts, and the
@@ -133,7 +138,11 @@ _HOMES: WeakKeyDictionary[Rig, Home] = WeakKeyDictionary()
 def _keep(
     failure: BaseException, recording: xr.Dataset | None, samples: Samples | None, save: Path | None
 ) -> None:
-    """Attach an incomplete recording to the error that ended it, and save it if its samples are on disk."""
+    """Attach an incomplete recording to the error that ended it, as its attribute `recording`.
+
+    With `samples` and `save` the recording is also saved in unfinished/ beside `save`, and the path becomes
+    the error's attribute `kept`.
+    """
     failure.recording = recording  # type: ignore[attr-defined]
     if recording is None or samples is None or save is None:
         return
@@ -159,7 +168,9 @@ def _why(failure: BaseException) -> str:
 def plan_run(
     can: Capabilities, drive: Waveform, channels: Mapping[str, Channel], capture: Capture, limits: Limits
 ) -> RunPlan:
-    """Return the drive in updates of the rig's output, checked against the limits. Nothing is put out.
+    """Return the plan of a run: the drive in updates of the rig's output, checked against the limits.
+
+    Nothing is output. The arguments are those of `measure`; `can` are the capabilities of the rig.
 
     Raises:
         QuantityError, LimitError, CaptureError: as `measure`.
@@ -192,7 +203,19 @@ def plan_run(
 def _wait(
     can: Capabilities, played: Array, channels: Mapping[str, Channel], capture: Capture, span: float
 ) -> int:
-    """Return the longest wait for the trigger after the start of the drive, in samples."""
+    """Return the longest wait for the trigger after the start of the drive, in samples of the rig.
+
+    Args:
+        can: capabilities of the rig.
+        played: voltage at each update from the start of the drive [n].
+        channels: channels of the recording by name.
+        capture: settings of the recording.
+        span: duration of the drive, s.
+
+    Raises:
+        QuantityError: the trigger's signal is no channel.
+        CaptureError: the trigger is the drive, which never crosses the level.
+    """
     trigger = capture.trigger
     if trigger is None:
         return 0
@@ -208,13 +231,17 @@ def _wait(
             f"the drive never passes {trigger.level:g} V ({trigger.edge} edge): it goes from "
             f"{min(played.min(), 0.0):g} to {played.max():g} V, beginning at 0 V"
         )
-    # Converter steps and a filter may delay the trigger a little.
+    # Converter steps and a filter may delay the trigger by some milliseconds: 5 ms are added.
     return math.ceil((found / can.update_rate + 0.005) * can.sample_rate)
 
 
 def channel_units(can: Capabilities, channels: Mapping[str, Channel], limits: Limits) -> dict[str, str]:
-    """Return the unit of each channel after calibration. Raises QuantityError for channels the rig cannot
-    record."""
+    """Return the unit of each channel after calibration, by name of the channel.
+
+    Raises:
+        QuantityError: the rig cannot record a channel, or its unit does not fit its name.
+        LimitError: the limits have end stops, but no channel records the end-effector's position.
+    """
     if not channels:
         raise QuantityError("a recording needs at least one channel")
     units = {}
@@ -254,8 +281,7 @@ def _check_length(can: Capabilities, seconds: float) -> None:
 
 
 def _check_speed(can: Capabilities, drive: Waveform) -> None:
-    """Raise QuantityError if a drive repeats faster than the output can follow: aliasing would change the
-    signal."""
+    """Raise QuantityError if the frequency of a drive exceeds half the output's update rate (aliasing)."""
     for part, _ in getattr(drive, "parts", ((drive, 0.0),)):
         period: float | None = getattr(part, "period", None)
         ends = getattr(part, "start_frequency", 0.0), getattr(part, "end_frequency", 0.0)
@@ -275,7 +301,7 @@ def _run(
     samples: Samples | None,
     progress: Progress,
 ) -> tuple[Array, BaseException | None]:
-    """Return the raw samples of one run [inputs, n], and the error that ended it early, or None."""
+    """Make one run; return its raw samples [inputs, n] and the error that ended it early, or None."""
     channel = making.channels.get(POSITION)
     position = None if channel is None else PositionInput(channel.input, channel.calibration)
     guard = getattr(rig, "guard", None)  # a rig that is supervised in its own process

@@ -1,4 +1,4 @@
-"""Memory of processes that run for weeks: returned to the system, and collected between runs."""
+"""Memory of processes that run for weeks: it is returned to the system; garbage is collected between runs."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-_MMAP_THRESHOLD, _ARENA_MAX = -3, -8  # parameters of glibc's mallopt
-_LARGE = 2**20  # bytes; allocations of this size are large arrays
-_NEVER = 2**30  # young collections before a full one: practically never
-_MANY = 50_000  # objects; a collection then takes some 50 ms
+_MMAP_THRESHOLD, _ARENA_MAX = -3, -8  # numbers of two parameters of glibc's function mallopt
+_LARGE = 2**20  # bytes; larger blocks (arrays) are mapped one by one, and returned when they are freed
+_NEVER = 2**30  # partial garbage collections before a full one: practically never
+_MANY = 50_000  # objects; a full collection of more takes over 50 ms, so they are then exempted
 
 
 def give_memory_back() -> None:
     """Set up glibc to return freed memory to the system. Call before threads start; no effect without glibc.
 
-    By default each thread keeps its own heap, and large arrays go there once some were freed. A panel that
-    was watched while files were read grew by some 12 MB a minute.
+    By default each thread has its own heap, which also takes large arrays once some were freed. A panel that
+    displayed a run while files were read grew by some 12 MB a minute.
     """
     with suppress(OSError, AttributeError, TypeError):
         glibc = ctypes.CDLL(None)
@@ -27,10 +27,10 @@ def give_memory_back() -> None:
 
 @contextmanager
 def collected_on_request() -> Iterator[None]:
-    """Run full garbage collections only in `collect` while the context lasts.
+    """Switch automatic full garbage collections off while the context lasts; `collect` makes them.
 
-    Automatic collections came in the middle of runs. They blocked all threads of the panel, and a stop with
-    them, for 0.2 to 0.35 s (300,000 objects, nearly all of modules).
+    An automatic collection in the middle of a run blocked all threads of the panel, and a stop with them, for
+    0.2 to 0.35 s (300,000 objects, nearly all of modules).
     """
     before = gc.get_threshold()
     gc.set_threshold(*before[:2], _NEVER)
@@ -42,9 +42,10 @@ def collected_on_request() -> Iterator[None]:
 
 
 def collect() -> None:
-    """Collect garbage now, while no run is active that may need a stop.
+    """Collect garbage now. Call it when no run is active that may need a stop.
 
-    Objects of modules loaded so far are exempt from later collections.
+    Within `collected_on_request`, if there are more than `_MANY` objects, all present objects are exempt from
+    later collections: nearly all of them belong to modules and stay.
     """
     gc.collect()
     if gc.get_threshold()[2] == _NEVER and len(gc.get_objects()) > _MANY:

@@ -14,15 +14,19 @@ from .protocols import Array
 
 
 class Order(NamedTuple):
-    """Request for a run: limits, inputs, samples to record (`rest` of them before the drive), and the drive,
-    V.
+    """Request for a run.
 
-    `position` is the input that shows the position. `keep` is the file to which the program stores its
-    samples, if any. With a `controller` (see `protocols.ControllerSpec`) the run is a closed loop and `volts`
-    are targets, m. Then `plausibility` is the plausibility check of the position, by default the controller's
-    own, and `second` another input that shows the position. `arm` is the reason for which the output is
-    enabled for this run only; with "" it must be enabled already. `Limits.heartbeat` counts from the last
-    `Supervisor.beat` if the run is `operated` by a page, else from the last `fetch` of the program.
+    `inputs` are recorded for `samples` samples, `rest` of them before the drive. `volts` is the drive [n], V
+    at the piezo. `position` is the input that measures the position, or None. `keep` is the file to which the
+    program stores its samples, or None.
+
+    With a `controller` (the data of `protocols.ControllerSpec.document`) the run is a closed loop, and
+    `volts` are target positions [n], m (rad). Then `plausibility` has the thresholds for the position, by
+    default the controller's own, and `second` is another input that measures the position.
+
+    `arm` is the reason for which the output is enabled for this run only; with "" it must be enabled already.
+    `Limits.heartbeat` counts from the last `Supervisor.beat` if the run is `operated` by a page, else from
+    the last `fetch` of the program.
     """
 
     limits: Limits
@@ -40,5 +44,5 @@ class Order(NamedTuple):
 
     @property
     def drives(self) -> bool:
-        """True if the run may put out anything but 0 V."""
+        """Return True if the run may output anything but 0 V."""
         return self.controller is not None or bool(np.any(self.volts))

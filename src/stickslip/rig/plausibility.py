@@ -1,4 +1,4 @@
-"""Plausibility of the position that a closed loop acts on: which changes its drive explains.
+"""Check that the position which a closed loop measures is plausible: that its drive explains the changes.
 
 While the contact sticks, the end-effector follows the drive u with the stroke per volt g, and x - g u stays
 constant. Only a fast change of the drive makes the contact slide, and in the opposite direction: a fall of
@@ -20,12 +20,12 @@ from .limits import LimitError, Limits
 from .protocols import Capabilities
 
 SLIDE = 1.5  # greatest slide at a change of the drive, relative to the stage motion that the change causes
-EDGE_TIME = 0.5e-3  # s, duration of the drive's change in a slipping step
-STEPS_JUDGED = 5  # steps over which measured and expected displacement are compared
-STEEP = 0.2  # least fraction of a step's edge within `EDGE_TIME`
+EDGE_TIME = 0.5e-3  # s, window over which the change of the drive at a slipping step is measured
+STEPS_JUDGED = 5  # number of steps over which measured and expected displacement are compared
+STEEP = 0.2  # least fraction of a voltage change that must occur within `EDGE_TIME` for a slip
 STEP_DOUBT = 0.5  # fraction by which steps may be shorter than expected, for end stops by step count
-REACHED = 0.25  # fraction of `apart` within which a target counts as reached
-LEAST_WAY = 0.1  # least measured fraction of the expected displacement of several steps
+REACHED = 0.25  # a target counts as reached within this fraction of `Plausibility.apart`
+LEAST_WAY = 0.1  # least fraction of the expected displacement of several steps that must be measured
 _INNER, _DEEPEST = ("controller", "mover"), 10
 _INF = math.inf
 
@@ -34,8 +34,9 @@ _INF = math.inf
 class Plausibility(NamedTuple):
     """Thresholds beyond which a closed loop rejects the measured position and stops.
 
-    With a `gain` of 0 the actuator is unknown: then only `speed` and the output at its limit are checked.
-    `control.plausibility` gives the thresholds of a model. `inf` switches a threshold off.
+    With a `gain` of 0 the actuator is unknown: then only `speed`, `at_limit` and the difference of two
+    `sensors` are checked. `control.plausibility` gives the thresholds of a model. `inf` switches a threshold
+    off.
     """
 
     gain: Annotated[float, Quantity("m/V", "C", "stroke per volt; 0 if unknown", minimum=0)] = 0.0
@@ -70,7 +71,10 @@ class Plausibility(NamedTuple):
 
 
 def plausibility_of(controller: object) -> Plausibility:
-    """Return the thresholds of a controller, or of one nested in it; else thresholds that need no model."""
+    """Return the attribute `plausibility` of a controller, or of a controller nested in it.
+
+    If there is none, return the default thresholds, which need no model of the actuator.
+    """
     one = controller
     for _ in range(_DEEPEST):  # ends even for a controller that contains itself
         own = getattr(one, "plausibility", None)
@@ -116,17 +120,25 @@ class Plausible:
         self._low_s = self._high_s = self._mark = s
         self._falls = self._rises = 0.0
         self._edge: float | None = None  # the drive before the current fast change
-        self._steep = 0.0  # greatest part of it within `EDGE_TIME`
+        self._steep = 0.0  # greatest part, V, of the current fast change within `EDGE_TIME`
         self._quiet, self._slid = self._calm + 1, False
         self._expected = self._measured = self._pending = self._judged = 0.0
         self._base, self._base_u, self._base_goal, self._ahead, self._net = x, u, goal, 0.0, 0
         self._there = False
-        self._seen = (x, x), (x, x)  # least and greatest position in two windows
-        self._second: float | None = None  # initial difference of the second sensor from the first
+        self._seen = (x, x), (x, x)  # least and greatest position in two consecutive windows
+        self._second: float | None = None  # m, initial difference of the second sensor from the first
 
     def sees(self, x: float, u: float, goal: float, second: float | None = None) -> None:
-        """Check a position [m] after a voltage [V] was put out, for a target [m]. `second` [m] is the
-        position measured by a second sensor. Raises LimitError if they are not plausible.
+        """Check the measured position at one update.
+
+        Args:
+            x: measured position, m.
+            u: voltage that was output at the previous update, V.
+            goal: target position, m.
+            second: position measured by a second sensor, m; None without one.
+
+        Raises:
+            LimitError: the position is not plausible.
         """
         if not self._begun:
             self._begin(x, u, goal)
@@ -199,7 +211,7 @@ class Plausible:
             )
 
     def _collapse(self, x: float) -> None:
-        """Restart the bounds of the slide from the present position, which is now settled."""
+        """Restart the bounds of the sliding displacement from the present, settled position `x` [m]."""
         gain = self._policy.gain
         low, high = min(self._now[0], self._before[0]), max(self._now[1], self._before[1])
         self._low_s, self._high_s = x - gain * high, x - gain * low
@@ -274,7 +286,11 @@ class Plausible:
             )
 
     def _compare(self, x: float, second: float) -> None:
-        """Compare the sensors: the second must agree with the first within the settling time of both."""
+        """Raise LimitError if the second sensor is off the positions that the first has recently measured.
+
+        The second may be beyond the first sensor's range over the last two windows (each as long as the
+        settling time) by `sensors` [m] at most. `x` and `second` are the positions now, m.
+        """
         if self._second is None:
             self._second = second - x
         other = second - self._second

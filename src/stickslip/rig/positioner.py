@@ -1,4 +1,4 @@
-"""Interface of a positioner: steps, scans and position."""
+"""Interface of a positioner, a controller that makes steps on request, holds voltages and reads positions."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from ..quantities.units import QuantityError, to_si
 from .interlock import HOW_TO_ARM, InterlockError, arming
 from .protocols import About, RigError
 
-_POLL = 0.02  # s between two queries
+_POLL = 0.02  # s between two queries for the end of a motion
 
 
 class Ranges(NamedTuple):
-    """Abilities of a positioner: axes by number, V, Hz, steps per command.
+    """Axes and ranges of a positioner.
 
-    `sensor` is True with a position sensor. `scans` is True if it can hold a constant voltage.
+    `axes` are the numbers of its axes. Voltages are amplitudes of steps in V, frequencies are step rates in
+    Hz, and `max_steps` is the greatest number of steps of one command. `sensor` is True with a position
+    sensor. `scans` is True if the positioner can hold a constant voltage.
     """
 
     name: str
@@ -31,8 +33,14 @@ class Ranges(NamedTuple):
     def check(
         self, axis: int, count: int = 0, voltage: float | None = None, frequency: float | None = None
     ) -> None:
-        """Raise QuantityError, with the range, for a number of steps, a voltage [V] or a frequency [Hz]
-        outside it. Nothing is sent to the device."""
+        """Raise QuantityError for an unknown axis or a value out of range. Nothing is sent to the device.
+
+        Args:
+            axis: number of the axis.
+            count: number of steps, of either sign.
+            voltage: V; None to leave it unchecked.
+            frequency: step rate, Hz; None to leave it unchecked.
+        """
         if axis not in self.axes:
             raise QuantityError(
                 f"{self.name}: there is no axis {axis}; there are {', '.join(map(str, self.axes))}"
@@ -52,9 +60,9 @@ class Ranges(NamedTuple):
 class Positioner(Protocol):
     """A controller of stick-slip stages; `about` describes it before it is connected.
 
-    `step` and `scan` move at once; what the package moves by itself asks `need_armed` first. All calls raise
-    RigError, with device, command and reply, after a wrong or missing answer, and QuantityError for a value
-    out of range.
+    `step` and `scan` move at once, without the interlock. Functions of the package that move a positioner by
+    themselves call `need_armed` first. All calls raise RigError, with device, command and reply, after a
+    wrong or missing answer, and QuantityError for a value out of range.
     """
 
     about: ClassVar[About]
@@ -65,19 +73,23 @@ class Positioner(Protocol):
         ...
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start `count` steps, up if positive, with an amplitude [V] and a step rate [Hz]."""
+        """Start `count` steps and return at once.
+
+        A negative `count` steps in the negative direction. `voltage` is the amplitude [V], `frequency` the
+        step rate [Hz].
+        """
         ...
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Set the piezo to a constant voltage, V."""
+        """Set the piezo of an axis to a constant voltage, V."""
         ...
 
     def moving(self, axis: int) -> bool:
-        """Return True during a motion."""
+        """Return True while the axis moves."""
         ...
 
     def position(self, axis: int) -> float:
-        """Return the position, m; without a sensor, the number of steps counted by the controller."""
+        """Return the position of an axis, m; without a sensor, the controller's count of net steps."""
         ...
 
     def stop(self) -> None:
@@ -90,8 +102,9 @@ class Positioner(Protocol):
 
 
 def need_armed(positioner: Positioner) -> None:
-    """Check that this program may move a positioner by itself. One with a true attribute `simulated` has no
-    output and needs no arming.
+    """Check that this program may move a positioner by itself.
+
+    A positioner with a true attribute `simulated` has no physical output and needs no arming.
 
     Raises:
         InterlockError: the program is not armed; see `rig.armed`.
@@ -103,8 +116,13 @@ def need_armed(positioner: Positioner) -> None:
 def wait(positioner: Positioner, axis: int, longest: float | str = 60.0) -> None:
     """Wait until an axis has stopped.
 
+    Args:
+        positioner: the controller.
+        axis: number of the axis.
+        longest: longest wait, s; then all motions are stopped.
+
     Raises:
-        RigError: the axis still moved after `longest` s; it was stopped.
+        RigError: the axis still moved after `longest` s.
     """
     longest = to_si(longest, "s", "longest")
     end = time.monotonic() + longest

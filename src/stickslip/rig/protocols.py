@@ -1,4 +1,4 @@
-"""Interface of a rig, virtual or real: put out a drive and record inputs on the same clock.
+"""Interface of a rig, virtual or real, which outputs a drive and records inputs on the same clock.
 
 Output and inputs start at the same moment, `start`. Calibration, filtering and storage are the task of
 `measure`, which treats every rig in the same way.
@@ -24,7 +24,7 @@ class RigError(RuntimeError):
 
 
 class StopRequested(RigError):
-    """A stop was requested."""
+    """A run ended because somebody requested a stop; this is no fault."""
 
 
 class RigWarning(UserWarning):
@@ -34,10 +34,11 @@ class RigWarning(UserWarning):
 class Capabilities(NamedTuple):
     """Abilities of a rig: rates in Hz, voltages at the piezo in V.
 
-    `step` is the resolution of the output, V. `max_points` is the longest drive or recording, in samples.
-    `inputs` gives the unit of each input. A rig with `streams` false delivers its samples only after the run;
-    no end stop is watched before. `jitter` is the uncertainty of the delay between the starts of output and
-    recording, s. `own_slew` is the slew of the ramp to 0 V that the rig itself appends to a drive, V/s.
+    `step` is the resolution of the output, V. `max_points` is the greatest number of updates of a drive and
+    of samples of a recording. `inputs` gives the unit of each input by its name. A rig with `streams` false
+    delivers its samples only after the run; end stops are not checked before. `jitter` is the uncertainty of
+    the delay between the starts of output and recording, s. `own_slew` is the slew rate of the ramp to 0 V
+    that the rig itself appends to a drive, V/s.
     """
 
     name: str
@@ -56,9 +57,9 @@ class Capabilities(NamedTuple):
 class About(NamedTuple):
     """Description of a back end before it is connected, for `stickslip rigs`.
 
-    It names the device, its function, how samples arrive, how the output reaches its safe state, and what was
-    verified against which reference. `ports` are the maker's TCP ports; a device with None is not asked when
-    an address is searched.
+    Texts: the device, its function (`does`), how samples arrive, how the output reaches its safe state, and
+    what was verified against which reference. `ports` are the maker's TCP ports; a device with None is not
+    asked when an address is searched.
     """
 
     device: str
@@ -77,14 +78,14 @@ class DriveOutput(Protocol):
         ...
 
     def start(self) -> None:
-        """Start the output, and the recording if inputs are armed."""
+        """Start the output, and the recording if `arm` has chosen inputs."""
         ...
 
     def stop(self, slew: float) -> None:
         """Ramp the output from its present voltage to 0 V at `slew` V/s, and end the recording.
 
-        If the amplifier has a monitor, a method `monitor()` reads it, in V: a stop then ends when the monitor
-        is at 0 V.
+        If the amplifier has a monitor output, the rig has a method `monitor()` that returns its voltage, V.
+        A stop is then confirmed only when the monitor reads 0 V.
         """
         ...
 
@@ -139,7 +140,11 @@ _INNER, _DEEPEST = ("controller", "mover", "regulator"), 10
 
 
 def check_rate(controller: Any, rate: float) -> None:
-    """Raise QuantityError if a controller, or one nested in it, is made for another rate [Hz]."""
+    """Raise QuantityError if a controller is made for another update rate than `rate` [Hz].
+
+    The attribute `rate` of the controller, and of controllers nested in it, is compared; controllers without
+    this attribute work at any rate.
+    """
     one = controller
     for _ in range(_DEEPEST):  # ends even for a controller that contains itself
         own = getattr(one, "rate", None)
@@ -150,7 +155,7 @@ def check_rate(controller: Any, rate: float) -> None:
 
 
 class Controller(Protocol):
-    """Controller of a closed loop: in a simulation, on a virtual rig, on a device."""
+    """Controller of a closed loop, in a simulation, on a virtual rig or on a device."""
 
     def step(self, measured: float, target: float, tick: int) -> float:
         """Return the voltage [V] to put out at an update.
@@ -164,10 +169,10 @@ class Controller(Protocol):
 
 
 class ControllerSpec(NamedTuple):
-    """Name and options of a controller, from which the process of a rig makes the controller.
+    """Class and options of a controller, from which the process of a rig makes the controller.
 
-    `kind` is one of `registry.controllers`, or "path.py:Name" for a user's own class. The options can be
-    written as JSON.
+    `kind` is a class of `registry.controllers`, of the package or a user's own. `options` are the arguments
+    of its constructor, by name; they must be JSON data.
     """
 
     kind: type
@@ -183,6 +188,10 @@ class ControllerSpec(NamedTuple):
 
 
 def controller_of(document: dict[str, Any]) -> Any:
-    """Make the controller that a client requests. Raises RegistryError, or the error of the controller's
-    options."""
+    """Return a new controller from the data of `ControllerSpec.document`.
+
+    Raises:
+        RegistryError: there is no such controller.
+        Exception: the constructor refuses the options, with an error of its own.
+    """
     return registry.controllers.of_client(document)(**document["options"])

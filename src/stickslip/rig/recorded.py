@@ -1,4 +1,4 @@
-"""From the raw samples of a rig to a recording: calibrated, filtered, triggered, cut."""
+"""Processing of a rig's raw samples into a recording: calibration, filter, trigger, choice of samples."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ COMPLETE = "complete"
 
 
 class Channel(NamedTuple):
-    """A variable of the recording: the rig's input, and its processing.
+    """A variable of the recording: the rig's input, and the processing of its samples.
 
-    The calibrations are applied to the raw samples in order, then the `filter`. `zero` subtracts the mean
-    before the trigger.
+    The calibrations are applied to the raw samples in order, then the `filter`. With `zero` the mean of the
+    recorded samples before the trigger is subtracted.
     """
 
     input: str
@@ -41,10 +41,12 @@ class Channel(NamedTuple):
 
 
 class Making(NamedTuple):
-    """Settings that make a recording from raw samples.
+    """Settings with which raw samples become a recording.
 
-    `begin` is the sample at which the drive starts, `wait` the longest wait for its trigger after that, in
-    samples. `texts` are title, notes and other attributes.
+    `can` are the capabilities of the rig, and `units` the units of the channels after calibration. `begin` is
+    the index of the raw sample at which the drive starts, and `wait` the longest wait for the trigger after
+    that, in raw samples. `drive` describes the drive as a text. `texts` are title, notes and other
+    attributes.
     """
 
     can: Capabilities
@@ -59,11 +61,14 @@ class Making(NamedTuple):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Inputs that the rig records."""
+        """Return the names of the inputs that the channels need, each once."""
         return tuple(dict.fromkeys(channel.input for channel in self.channels.values()))
 
     def values(self, raw: Array) -> dict[str, Array]:
-        """Return the channels of a whole run at the recorded samples, from raw samples [inputs, samples].
+        """Return the values of each channel [samples of the recording], from the raw samples of a whole run.
+
+        Args:
+            raw: raw samples [inputs, n].
 
         Raises:
             CaptureError: the trigger did not come.
@@ -73,11 +78,17 @@ class Making(NamedTuple):
         return {name: self._zeroed(name, full[name][chosen], self.capture.before) for name in self.channels}
 
     def times(self, count: int) -> Array:
-        """Return the times of `count` samples, s from the first."""
+        """Return the times of the first `count` samples of the recording, s from its start."""
         return np.arange(count, dtype=float) * self.capture.interval
 
     def recording(self, total: Mapping[str, Array], time: Array, outcome: str = COMPLETE) -> xr.Dataset:
-        """Return the recording of these values, with their processing; `outcome` says how the run ended."""
+        """Return the recording, with attributes for its processing and settings.
+
+        Args:
+            total: values of each channel by name [n], in the channel's unit.
+            time: times of the samples [n], s.
+            outcome: how the run ended: "complete" or "stopped: WHY".
+        """
         texts = {name: [to_text(c) for c in channel.calibration] for name, channel in self.channels.items()}
         made = make_recording(
             time,
@@ -100,7 +111,12 @@ class Making(NamedTuple):
     def unfinished(self, raw: Array, why: str) -> xr.Dataset | None:
         """Return the recording of an unfinished run, up to the first reading that is not finite.
 
-        None for fewer than two samples.
+        Args:
+            raw: raw samples [inputs, n] until the run ended.
+            why: reason for the end.
+
+        Returns:
+            The recording, or None if it would have fewer than two samples.
         """
         broken = np.flatnonzero(~np.isfinite(raw).all(axis=0))
         raw = raw[:, : broken[0]] if broken.size else raw
@@ -126,7 +142,7 @@ class Making(NamedTuple):
         return kept - kept[: max(before, 1)].mean() if self.channels[name].zero else kept
 
     def channel_values(self, raw: Array) -> dict[str, Array]:
-        """Return the channels at each of the raw samples [inputs, n]."""
+        """Return the calibrated and filtered values of each channel [n], at all raw samples [inputs, n]."""
         found = {}
         for name, channel in self.channels.items():
             values = calibrated(raw[self.inputs.index(channel.input)], channel.calibration)
@@ -136,7 +152,11 @@ class Making(NamedTuple):
         return found
 
     def _trigger(self, full: Mapping[str, Array]) -> int:
-        """Return the sample at which the recording is triggered."""
+        """Return the index of the raw sample at the trigger; without a trigger, at the start of the drive.
+
+        `full` has the values of each channel at all raw samples [n]. Raises CaptureError if the trigger did
+        not come in time.
+        """
         if self.capture.trigger is None:
             return self.begin
         values = full[self.capture.trigger.signal]
@@ -151,7 +171,7 @@ class Making(NamedTuple):
         return found
 
     def _steps(self) -> list[str]:
-        """Return the processing of the samples, in words."""
+        """Return the processing of the samples, in words, for the attribute "processing"."""
         capture, rate = self.capture, self.can.sample_rate
         steps = [f"sampled at {with_prefix(rate, 'Hz')}"]
         for name, channel in self.channels.items():

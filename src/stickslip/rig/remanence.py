@@ -1,6 +1,7 @@
-"""Memory of a virtual rig's piezo from run to run: the states of its plays and of its creep.
+"""State of a virtual rig's piezo that is kept from run to run: its hysteresis (play operators) and creep.
 
-A drive table is passed through the piezo as in `plant.at_piezo`, but from any initial state.
+The drive of a run is passed through the models of the piezo as in `plant.at_piezo`, but from any initial
+state.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from .protocols import Array
 
 
 class Remanence(NamedTuple):
-    """State of each play and of each creep term, V."""
+    """State of a piezo: output of each play operator [plays] and of each creep term [terms], V."""
 
     plays: Array
     terms: Array
@@ -29,7 +30,7 @@ class Remanence(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AtPiezo:
-    """A drive table as a waveform, for the duration for which it was computed."""
+    """A computed drive (`table`, in segments) as a waveform; `duration` [s] is the time that it covers."""
 
     table: Drive
     duration: float
@@ -42,20 +43,24 @@ class AtPiezo:
         """Return None: the drive does not repeat."""
 
     def range(self) -> tuple[float, float]:
-        """Return the least and greatest voltage at the breaks of the table, V. The limits of a drive are
-        checked before the piezo's hysteresis is applied."""
+        """Return the least and greatest voltage at the starts of the table's segments, V.
+
+        This is no exact range: a drive is checked against its limits before the hysteresis is applied.
+        """
         levels = self.table.polynomial[:, 0]
         return float(levels.min()), float(levels.max())
 
     def drive(self, duration: float) -> Drive:
-        """Return the table."""
+        """Return the table, whatever the `duration`."""
         del duration
         return self.table
 
 
 def simplified(piezo: Piezo | None) -> Piezo | None:
-    """Return the piezo without terms of zero weight, or None if nothing is left. The result is the same bit
-    for bit."""
+    """Return the piezo without plays, dead zones and creep terms of zero weight; None if nothing is left.
+
+    Simulations with the returned piezo have the same result, bit for bit.
+    """
     if piezo is None:
         return None
     hysteresis, after = piezo
@@ -74,8 +79,11 @@ def simplified(piezo: Piezo | None) -> Piezo | None:
 
 
 def remembers(piezo: Piezo | None) -> bool:
-    """Return True if the states of the piezo's models can be kept between runs. Other models start again with
-    each run."""
+    """Return True if the state of the piezo's hysteresis and creep models can be kept between runs.
+
+    This is so for `PrandtlIshlinskii` and `Creep`. With another model each run starts from the model's own
+    initial state.
+    """
     return (
         piezo is not None
         and isinstance(piezo.hysteresis, PrandtlIshlinskii | None)
@@ -84,7 +92,7 @@ def remembers(piezo: Piezo | None) -> bool:
 
 
 def annealed(piezo: Piezo, volts: float) -> Remanence:
-    """Return the state after a long rest at a voltage [V] that was reached from 0 V monotonically."""
+    """Return the state of a piezo that has rested for long at `volts` [V], reached from 0 V monotonically."""
     hysteresis = piezo.hysteresis
     plays = np.zeros(0) if hysteresis is None else hysteresis.rested(volts)
     level = volts if hysteresis is None else hysteresis.at_rest(volts)
@@ -94,7 +102,19 @@ def annealed(piezo: Piezo, volts: float) -> Remanence:
 def from_state(
     piezo: Piezo, state: Remanence, drive: Drive, end: float, precision: float
 ) -> tuple[AtPiezo, Remanence]:
-    """Return the drive [V] after the piezo up to `end` [s], within the precision [V], and the final state."""
+    """Pass a drive through the hysteresis and creep of a piezo.
+
+    Args:
+        piezo: models of the piezo; `remembers` must be True for them.
+        state: state at time 0.
+        drive: voltage at the piezo.
+        end: end of the run, s.
+        precision: greatest error of the result, V.
+
+    Returns:
+        The voltage of an ideal piezo (without hysteresis and creep) with the same stroke, and the state at
+        `end`.
+    """
     made, plays = _after_plays(piezo, state, drive, end)
     if piezo.creep is None:
         return AtPiezo(made, end), Remanence(plays, state.terms)
@@ -103,12 +123,12 @@ def from_state(
 
 
 def left_by(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> Remanence:
-    """Return only the final state of `from_state`."""
+    """Return the state of a piezo after a drive up to `end` [s], from the state at time 0."""
     return from_state(piezo, state, drive, end, math.inf)[1]
 
 
 def _after_plays(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> tuple[Drive, Array]:
-    """Return the drive after the plays, and their final states."""
+    """Return the drive after the hysteresis, and the states of the plays at `end` [s]."""
     if piezo.hysteresis is None:
         return drive, state.plays
     operators, plays, level = piezo.hysteresis.operators, state.plays.copy(), np.empty(1)

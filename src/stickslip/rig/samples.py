@@ -1,17 +1,17 @@
-"""Raw samples of a run on disk during the run, so that nothing is lost if a program dies.
+"""File of raw samples that is written during a run, so that nothing is lost if a program dies.
 
 The file lies beside the future recording. Before the output starts, it is given its full size, including room
-for the recording itself. A full disk thus refuses the run instead of losing it.
+for the recording itself. A full disk thus prevents the run instead of losing its samples.
 
 A run has a random identity. It is part of the file's name and, as the attribute `run_id`, of the recording
 made from the file. Programs that write the file share its lock until they end in any way. The samples of an
-active run are therefore never taken for those of a killed one, and samples are removed only if a recording
-with their identity exists.
+active run are therefore never taken for those of a killed one. After a killed run the file is removed only if
+a recording with its identity exists, or if it has fewer than two samples with finite readings.
 
     bytes 0-7     number of samples in the file, unsigned, little-endian
     bytes 8-15    length of the description
     then          the description, JSON (see `recorded.Making`)
-    then          float64, all inputs of a sample one after the other
+    then          float64, little-endian, sample by sample: all inputs of the first sample, of the second, ...
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ KILLED = "the program was killed"
 
 
 class Samples:
-    """File of one run. It is a context, and the file is removed at its end.
+    """File of raw samples of one run, as a context manager. The file is removed at the end of the context.
 
     Args:
-        target: the future recording, NAME.nc.
-        making: makes the recording from the samples.
-        samples: number of samples of the run.
+        target: path of the future recording, NAME.nc.
+        making: settings with which the samples become the recording; stored in the file.
+        samples: number of samples of the run, for which disk space is reserved.
 
     Raises:
         OSError: the folder cannot be written, or the disk has no room for all of it; names the target.
@@ -58,7 +58,7 @@ class Samples:
     def __init__(self, target: Path, making: Making, samples: int) -> None:
         self.run_id = secrets.token_hex(8)
         self.path = target.with_name(f".{target.stem}.{self.run_id}{SAMPLES}")
-        self._left = False  # True if the file is to stay
+        self._left = False  # True while the recording is saved, and if that failed: the file then stays
         self._width = len(making.inputs)
         text = making.to_text().encode()
         self._begin = _HEAD.size + len(text)
@@ -90,7 +90,7 @@ class Samples:
         self.close()
 
     def restart(self) -> None:
-        """Start again, for another run of the same recording."""
+        """Discard the samples so far, for another run of the same (averaged) recording."""
         self._count = 0
         os.pwrite(self._file, struct.pack("<Q", 0), 0)
 
@@ -102,10 +102,14 @@ class Samples:
         os.pwrite(self._file, struct.pack("<Q", self._count), 0)
 
     def become(self, recording: xr.Dataset, target: Path, unfinished: bool = False) -> Path:
-        """Save the recording made from the samples, in the space reserved for it.
+        """Save the recording made from the samples, in the space reserved for it; return the path.
 
-        An `unfinished` recording is saved in the folder unfinished/. If saving fails, the file of samples
-        stays, as after a killed program.
+        If saving fails, the file of samples stays, as after a killed program.
+
+        Args:
+            recording: the recording.
+            target: path of the recording, NAME.nc.
+            unfinished: True to save it as unfinished/NAME.nc beside the target.
 
         Raises:
             RecordingError, OSError: as `save_recording`.
@@ -132,8 +136,10 @@ def _reserve(file: int, size: int) -> None:
 
 
 def shared(path: Path) -> BinaryIO | None:
-    """Open the file of a run and share its lock, so that nobody treats the run as killed. None if it cannot
-    be opened."""
+    """Open the file of samples of an active run and share its lock; None if the file cannot be opened.
+
+    While the returned file is open, no program treats the run as killed.
+    """
     with suppress(OSError):
         file = path.open("rb")
         taken(file.fileno(), shared=True)
@@ -142,7 +148,12 @@ def shared(path: Path) -> BinaryIO | None:
 
 
 def complete(path: Path, before: int, values: Array) -> None:
-    """Append the samples that a dead program had not stored: values [inputs, n] from the sample `before` on.
+    """Append the samples that a dead program had not stored.
+
+    Args:
+        path: file of samples.
+        before: index of the first sample in `values`; samples that the file has already are left out.
+        values: raw samples [inputs, n].
 
     Raises:
         OSError: the file is gone, so nothing was missing; or its description was never written.
@@ -159,10 +170,10 @@ def complete(path: Path, before: int, values: Array) -> None:
 
 
 def recover(folder: Path, most: float = 2.0) -> list[Path]:
-    """Make recordings of the samples that killed programs left in a folder; return their paths.
+    """Make recordings of the samples that killed programs left in a folder; return the recordings' paths.
 
-    Unreadable files are left as they are, and so are files still being written. This waits `most` seconds for
-    their programs to end: the rig's process ramps to 0 V after the death of the program that it records for.
+    Unreadable files stay, and so do files still being written after `most` seconds. The wait is for the rig's
+    process, which still ramps to 0 V after the death of the program that it records for.
     """
     end = time.monotonic() + most
     made = []
@@ -185,7 +196,7 @@ def recover(folder: Path, most: float = 2.0) -> list[Path]:
 
 
 def _is_saved(target: Path, run_id: str) -> bool:
-    """Return True if a recording of the run exists, finished or not."""
+    """Return True if a recording with this identity exists as `target` or in unfinished/ beside it."""
     own = re.compile(re.escape(target.stem) + r"(-\d+)?\.nc")
     others = [one for one in target.parent.glob("unfinished/*.nc") if own.fullmatch(one.name)]
     for one in (target, *others):
@@ -207,7 +218,10 @@ def unfinished_path(target: Path) -> Path:
 
 
 def _head(file: BinaryIO) -> tuple[int, int]:
-    """Return the number of samples and the length of the description, 0 if it was never written."""
+    """Read the head of a file: number of samples, and length of the description in bytes.
+
+    A length of 0 means that the description was never written.
+    """
     head = file.read(_HEAD.size)
     return _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
 

@@ -1,8 +1,8 @@
 """Connections to SCPI instruments over TCP or VISA: queries, commands, blocks, errors.
 
-The error queue is read after each command, so that an error names the refused command. After a late or
-garbled answer, answers can no longer be matched to queries. From then on nothing is queried; only `tell`
-still sends, for a last command that brings an output to its safe state.
+After each command (`do`) the error queue is read, so that an error names the refused command. After a late or
+garbled answer, answers can no longer be matched to queries. From then on `do` and all queries raise RigError;
+only `tell` still sends, for a last command that brings an output to its safe state.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from typing import Any
 from .line import Line, need_silence
 from .protocols import RigError
 
-LARGEST_BLOCK = 100_000_000  # bytes
-_MOST_ERRORS = 32  # greatest number of errors in a queue
+LARGEST_BLOCK = 100_000_000  # bytes; a longer block of data is refused as an answer
+_MOST_ERRORS = 32  # greatest number of errors read from the queue after a command
 _PIECE = 65536  # bytes of a block read at a time
 
 
 class ScpiInstrument:
-    """An SCPI instrument; `identity` is its answer to ``*IDN?``.
+    """Connection to an SCPI instrument; `identity` is its answer to ``*IDN?``.
 
     Args:
-        role: name in errors, such as "generator".
+        role: name of the instrument in errors, such as "generator".
         where: "HOST", "HOST:PORT", or a VISA resource, "USB0::0x0957::0x2807::MY1::INSTR" (needs pyvisa).
         port: default TCP port.
         timeout: s, for each answer.
-        end: end of each message to the instrument.
+        end: bytes that terminate each message to the instrument.
 
     Raises:
-        RigError: nobody answers there.
+        RigError: no instrument answers at this address.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class ScpiInstrument:
 
     @property
     def name(self) -> str:
-        """Role and address, for errors."""
+        """Return role and address of the instrument, for errors."""
         return self._line.device
 
     def tell(self, command: str) -> None:
@@ -62,7 +62,7 @@ class ScpiInstrument:
         self._line.send(command.encode("latin-1") + self._end)
 
     def ask(self, query: str) -> str:
-        """Return the answer to a query."""
+        """Send a query and return the answer, without white space at its ends."""
         return self._heard(query, lambda asked: self._line.until(b"\n", asked)).decode("latin-1").strip()
 
     def do(self, command: str, content: bytes | None = None) -> None:
@@ -158,7 +158,7 @@ class _VisaLine:
         try:
             self._manager = pyvisa.ResourceManager("@py")
             self._link: Any = self._manager.open_resource(resource, timeout=1000.0 * timeout)
-            if resource.upper().endswith("SOCKET"):  # no other end of a message is defined there
+            if resource.upper().endswith("SOCKET"):  # only this character ends a message of a raw socket
                 self._link.read_termination = "\n"
         except self._failures as error:
             raise RigError(f"{self.device} cannot be opened: {error}") from None
@@ -168,21 +168,21 @@ class _VisaLine:
         self._tried(lambda: self._link.write_raw(content), content)
 
     def until(self, end: bytes, asked: bytes = b"") -> bytes:
-        """Return what arrives before `end`."""
+        """Return the bytes that arrive before `end`; `asked` is the request, for errors."""
         while end not in self._rest:
             self._rest += self._tried(self._link.read_raw, asked)
         found, _, self._rest = self._rest.partition(end)
         return found
 
     def exactly(self, count: int, asked: bytes = b"") -> bytes:
-        """Return the next `count` bytes."""
+        """Return the next `count` bytes; `asked` is the request, for errors."""
         while len(self._rest) < count:
             self._rest += self._tried(self._link.read_raw, asked)
         found, self._rest = self._rest[:count], self._rest[count:]
         return found
 
     def more(self) -> bytes:
-        """Return unexpected data."""
+        """Return bytes that were received beyond the last answer; b"" if there are none."""
         return self._rest
 
     def close(self) -> None:

@@ -1,4 +1,7 @@
-"""Simulate a sensor sample by sample, with the same result as `Mounted.sensor.sense` for a whole signal."""
+"""Simulation of a sensor sample by sample, for closed loops.
+
+The result is that of `Mounted.sensor.sense` for a whole signal, with other random numbers in the noise.
+"""
 
 from __future__ import annotations
 
@@ -23,24 +26,26 @@ from ..recording.chain import Chain
 from .bench import Mounted
 from .protocols import RigError
 
-_DRAWN = 4096  # random numbers drawn at once
-# Times within an update at which analogue signals are computed, as fractions of it: four times the sampling
-# rate.
+_DRAWN = 4096  # number of random numbers drawn at once, which is faster than one by one
+# Times at which analogue signals are computed, as fractions of the time between two updates.
 OVERSAMPLED = (0.25, 0.5, 0.75, 1.0)
 
 
 class Sensing:
-    """One input of a bench.
+    """Simulation of one input of a bench: sensor, anti-aliasing filter and A/D converter.
 
     Args:
         mounted: sensor and converter.
         anti_alias: the filter before the converter.
-        rate: Hz, `len(OVERSAMPLED)` times the sampling rate.
-        random: source of the noise.
+        rate: rate at which analogue signals are computed, Hz: `len(OVERSAMPLED)` times the sampling rate.
+        random: generator of the noise.
         position: initial position, at rest, m.
 
+    Attributes:
+        shares: times within each update at which `sees` must be called, as fractions of the update.
+
     Raises:
-        RigError: a user's own sensor, which can only process whole signals.
+        RigError: the sensor is a user's own, which can only process whole signals.
     """
 
     def __init__(
@@ -60,7 +65,7 @@ class Sensing:
         self._random, self._drawn = random, iter(())
         self._walked = 0.0
         self._adc = mounted.adc
-        # A sensor without memory is computed only when it is read.
+        # A sensor without filter, delay and converter is computed only once per update, when it is read.
         simple = mounted.adc is None and not self._filters and not self._delay
         self.shares = (1.0,) if simple else OVERSAMPLED
         self._after = None if mounted.adc is None else Running(anti_alias, rate, self._finished(first))
@@ -84,7 +89,7 @@ class Sensing:
         return value if self._after is None else self._after(value)
 
     def reading(self, value: float) -> float:
-        """Return the value as the converter reads it, if there is one."""
+        """Return the value [V] as the A/D converter reads it; unchanged without a converter."""
         adc = self._adc
         if adc is None:
             return value
@@ -100,7 +105,13 @@ class Sensing:
 
 
 class Running:
-    """Low-pass filter of a signal that comes sample by sample, with its steady state at the first value."""
+    """Digital low-pass filter of a signal that comes sample by sample: a call takes and returns one sample.
+
+    Args:
+        filter: order, corner and family of the filter.
+        rate: sampling rate, Hz.
+        first: constant value of the signal before the first sample, at which the filter has settled.
+    """
 
     def __init__(self, filter: Filter, rate: float, first: float) -> None:
         made = sections(filter, rate)
@@ -117,7 +128,11 @@ class Running:
 
 
 def _curve(sensor: Any) -> Callable[[float], float]:
-    """Return the sensor's static characteristic, without noise."""
+    """Return the sensor's static characteristic, without noise: a function from position [m] to its output.
+
+    Raises:
+        RigError: the sensor is a user's own, whose characteristic is not known.
+    """
     if isinstance(sensor, PositionSensor | Interferometer | Encoder):
         return lambda x: x
     if isinstance(sensor, Chain):
@@ -134,7 +149,7 @@ def _curve(sensor: Any) -> Callable[[float], float]:
 
 
 def _quantised(sensor: Any) -> Callable[[float], float]:
-    """Return the last stage of the sensor: quantisation or range."""
+    """Return the last stage of the sensor, a function of its output: quantisation or limited range."""
     if isinstance(sensor, Interferometer | Encoder):
         return lambda x: round(x / sensor.resolution) * sensor.resolution
     if isinstance(sensor, InductiveSensor):

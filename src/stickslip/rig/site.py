@@ -1,4 +1,4 @@
-"""Limits and permits of a site, from a file that neither panel nor experiment can exceed.
+"""Limits and permits of a site (computer or laboratory), from a file; no panel or experiment can exceed them.
 
 The environment variable STICKSLIP_SITE names the file; the default is /etc/stickslip/site.toml. The file is
 read at each start of a run::
@@ -35,7 +35,7 @@ from .limits import LimitError, Limits, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 
 VARIABLE, DEFAULT = "STICKSLIP_SITE", Path("/etc/stickslip/site.toml")
-# Limits that a site can restrict: the function that returns the stricter value, and the unit.
+# For each limit that a site can restrict: the function that returns the stricter of two values, and the unit.
 _NARROWER = {
     "min_voltage": (max, "V"),
     "max_voltage": (min, "V"),
@@ -52,14 +52,21 @@ _OF_PERMIT = ("input", "minimum", "maximum", "reason")
 
 
 class InputPermit(NamedTuple):
-    """Permit from an input, given while its reading is within `minimum` and `maximum` (its unit)."""
+    """Permit that an input of the rig gives while its reading is within `minimum` and `maximum`.
+
+    The bounds are numbers in the unit of the input, or texts with a unit; None is no bound.
+    """
 
     input: str
     minimum: float | str | None = None
     maximum: float | str | None = None
 
     def bounds(self, can: Capabilities) -> tuple[float, float]:
-        """Return both bounds in the unit of the input. Raises QuantityError if the rig has no such input."""
+        """Return both bounds in the unit of the input, infinite where there is none.
+
+        Raises:
+            QuantityError: the rig has no such input, or a bound has another dimension.
+        """
         if self.input not in can.inputs:
             said = f"a permit of the site needs the input {self.input!r}, which {can.name} does not have"
             raise QuantityError(said + did_you_mean(self.input, can.inputs))
@@ -70,7 +77,11 @@ class InputPermit(NamedTuple):
 
 
 class Site(NamedTuple):
-    """Limits of a site by field, permits from inputs by name, names of the other permits, and the file."""
+    """Limits and permits of a site.
+
+    `limits` are SI values by field of `Limits`, `inputs` the permits that inputs give, by name, and `permits`
+    the names of the permits that people give. `path` is the file; None without one.
+    """
 
     limits: Mapping[str, float] = {}
     inputs: Mapping[str, InputPermit] = {}
@@ -78,7 +89,11 @@ class Site(NamedTuple):
     path: Path | None = None
 
     def narrowed(self, limits: Limits) -> Limits:
-        """Return the stricter of the given and the site's limits. QuantityError if they allow no stop."""
+        """Return limits that are, field by field, the stricter of the given and the site's limits.
+
+        Raises:
+            QuantityError: a ramp to 0 V would take longer than `LONGEST_STOP` within these limits.
+        """
         given = {}
         for name, value in self.limits.items():
             given[name] = _NARROWER[name][0](getattr(limits, name), value)
@@ -86,7 +101,7 @@ class Site(NamedTuple):
         return Limits(**{**limits._asdict(), **given, "stop_slew": min(limits.stop_slew, slew)})
 
     def told(self) -> list[str]:
-        """Return the limits and the watched inputs as sentences."""
+        """Return the limits and the permits from inputs as short texts, for display."""
         words = [
             f"{name.replace('_', ' ')} {with_prefix(value, _NARROWER[name][1])}"
             for name, value in self.limits.items()
@@ -99,7 +114,11 @@ class Site(NamedTuple):
         return words
 
     def check(self, volts: Array, limits: Limits, can: Capabilities) -> None:
-        """Raise LimitError if the site refuses a drive [V]. The message says whose limit it is."""
+        """Raise LimitError if the given limits or the site's forbid a drive.
+
+        The message says so if only the site forbids it. `volts` [n] are voltages at the piezo, one per
+        update, and `can` the capabilities of the rig.
+        """
         try:
             check_drive(volts, self.narrowed(limits), can)
         except LimitError as error:
@@ -107,15 +126,17 @@ class Site(NamedTuple):
             raise LimitError(f"{error}; the limit is that of the site, {self.path}") from None
 
     def around(self, rig: Rig) -> Rig:
-        """Return the rig, wrapped so that the inputs of the permits are checked during its runs."""
+        """Return the rig, wrapped so that the inputs that give permits are checked during its runs."""
         return PermittedRig(rig, self.inputs) if self.inputs else rig
 
 
 class PermittedRig:
-    """A rig whose runs end when an input withdraws its permit; see `protocols.StreamingRig`.
+    """Wrapper of a rig that ends a run when the reading of an input is outside the bounds of its permit.
+
+    It has the methods of `protocols.StreamingRig`, if the rig has them.
 
     Args:
-        rig: puts out and records; it records the inputs of the permits too.
+        rig: rig that outputs and records; it records the inputs of the permits too.
         permits: permits by name.
     """
 
@@ -134,7 +155,7 @@ class PermittedRig:
         return self._rig.capabilities
 
     def __getattr__(self, name: str) -> Any:
-        """Return optional attributes of the wrapped rig."""
+        """Return an attribute of the wrapped rig, except those that need the check of permits."""
         if name in ("begin", "exchange"):
             raise AttributeError(name)
         return getattr(self._rig, name)
@@ -149,7 +170,7 @@ class PermittedRig:
         self._rig.load(volts)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs, and the inputs of the permits."""
+        """Record these inputs, and the inputs of the permits, for `samples` samples."""
         self._rig.arm(self._with_permits(inputs), samples)
 
     def start(self) -> None:
@@ -157,7 +178,11 @@ class PermittedRig:
         self._rig.start()
 
     def fetch(self) -> Array:
-        """Return the next samples of the requested inputs. Raises LimitError if a permit is withdrawn."""
+        """Return the next samples [inputs, n] of the requested inputs.
+
+        Raises:
+            LimitError: the reading of an input is outside the bounds of its permit.
+        """
         block = self._rig.fetch()
         if block.shape[1]:
             self._check(block.min(axis=1).tolist(), block.max(axis=1).tolist())
@@ -195,9 +220,13 @@ class PermittedRig:
 
 
 def sited(rig: Rig, limits: Limits) -> tuple[Rig, Limits, Site]:
-    """Return a rig of this program with the permits of the site, the stricter limits, and the site.
+    """Apply the limits and permits of the site to a run of a rig in this program.
 
-    A simulated rig is returned unchanged, and so is a rig that is supervised in its own process.
+    A simulated rig and its limits are returned unchanged, and so are those of a rig that another process
+    owns: that process applies the site itself.
+
+    Returns:
+        The rig with checks of the permits from inputs, the stricter limits, and the site.
     """
     if getattr(rig, "guard", None) is not None or getattr(rig, "simulated", False):
         return rig, limits, Site()
@@ -208,17 +237,17 @@ def sited(rig: Rig, limits: Limits) -> tuple[Rig, Limits, Site]:
 
 
 def refreshed(rig: Any) -> None:
-    """Let a rig read the limits of its device again, if it can: they may have been changed at the device."""
+    """Let a rig with a method `refresh` read its device's limits again, which may have changed there."""
     refresh = getattr(rig, "refresh", None)
     if refresh is not None:
         refresh()
 
 
 def site_of(rig: str = "") -> Site:
-    """Return the site's limits and permits, including those of one rig. Empty without a file.
+    """Return the site's limits and permits; without a file there are none.
 
     Args:
-        rig: name of the folder of the rig's process, or "".
+        rig: name of the folder of the rig's process, whose own limits and permits are included; "" for none.
 
     Raises:
         RigError: the file is wrong, or the environment variable names a file that does not exist.

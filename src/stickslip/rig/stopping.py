@@ -1,13 +1,14 @@
-"""A stop, from the request to the evidence that the output is at 0 V.
+"""A stop of a rig, followed from the request to the evidence that the output is at 0 V. States:
 
     asked       a stop is requested
+    preparing   the process was preparing a run, which will not start: the output is at 0 V
     delivered   the rig's process has answered the request
     ramping     the rig ramps to 0 V
     ramped      the rig reports that its ramp has ended
     measured    the amplifier's monitor, if there is one, reads 0 V
 
-Each state has a deadline. If a deadline passes, the state of the output is unknown: people are told to switch
-the amplifier off, and the stop is still tried.
+The states "asked", "delivered" and "ramping" have a deadline. If it passes, the state of the output is
+unknown: people are told to switch the amplifier off, and the stop is still tried.
 """
 
 from __future__ import annotations
@@ -24,13 +25,15 @@ from .wire import receive, send
 
 ANSWERS = 1.0  # s in which the rig's process must answer and start its ramp
 RAMPED = LONGEST_STOP + 2.0  # s, longest ramp, with a margin
-_AGAIN = 0.05  # s between two requests
+_AGAIN = 0.05  # s between two requests for a stop
 
 
 class StopState(NamedTuple):
-    """Progress of a stop: state (see the module), time since the request [s], monitor reading [V].
+    """Progress of a stop.
 
-    `alarm` is what people must do now, or "".
+    `state` is one of the module's states, and `after` the time since the request, s. `measured` is the
+    reading of the amplifier's monitor, V; None if there is none yet. `alarm` is what people must do now, such
+    as to switch the amplifier off, or "".
     """
 
     state: str = "asked"
@@ -42,15 +45,17 @@ class StopState(NamedTuple):
 def follow_stop(
     folder: Path, why: str, tell: Callable[[StopState], None], needed: Callable[[], bool], asked: float
 ) -> StopState:
-    """Stop the rig whose process owns a folder, and follow the stop until there is evidence.
+    """Stop a rig, and follow the stop until its process reports 0 V; return the last state.
+
+    The request is repeated until then. The function also returns if neither process nor run exists any more.
 
     Args:
-        folder: folder of the process.
+        folder: folder of the process that owns the rig.
         why: reason, sent to the process.
         tell: called with each new state.
         needed: returns True while a run of this program is active. If none is and no process answers, there
             is nothing to stop.
-        asked: time of the request, `time.perf_counter`.
+        asked: time of the request, s of `time.perf_counter`.
     """
     found, since = StopState(), asked
     while True:
@@ -78,7 +83,12 @@ def follow_stop(
 
 
 def _tried(folder: Path, why: str) -> tuple[str | None, float | None, str]:
-    """Ask the process for a stop. Return state (None without an answer), monitor reading [V], failure."""
+    """Ask the process of a rig for a stop, once.
+
+    Returns:
+        The state (None without an answer), the monitor reading [V] (None without one), and the failure of the
+        stop in words ("" if it has not failed).
+    """
     try:
         link = greeted(folder, "a stop", ANSWERS)
         if link is None:

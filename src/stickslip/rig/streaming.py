@@ -1,4 +1,4 @@
-"""Bench of a virtual rig, one update at a time: converter, amplifier, actuator, sensors.
+"""Simulation of a virtual rig's bench, update by update: converter, amplifier, actuator, sensors.
 
 `VirtualRig` computes a drive that is known beforehand in one piece. This module computes the same instruments
 for a drive that a controller decides update by update. The sensors' noise has the same statistics but other
@@ -22,7 +22,7 @@ from .protocols import RigError
 from .remanence import Remanence
 from .sensing import OVERSAMPLED, Sensing
 
-_TOLERANCE = 5e-3  # V, of the amplifier's output as a piecewise linear signal
+_TOLERANCE = 5e-3  # V, greatest error of the amplifier's output as a piecewise linear signal
 
 
 class Stream:
@@ -32,12 +32,15 @@ class Stream:
         actuator: the actuator in this run.
         bench: the instruments; its inputs are sampled once per update of the output.
         inputs: names of the inputs to read, which may include "drive".
-        seed: seed of all noise.
-        offset: V at the piezo for the converter's number 0.
-        per_unit: V at the piezo per unit of the number.
-        tolerance: m, of the simulation.
-        remanence: state of the piezo, if it is not annealed.
-        slips: irregularity of the steps, if there is any.
+        seed: whole numbers that seed all noise.
+        offset: V at the piezo for the number 0 sent to the D/A converter.
+        per_unit: V at the piezo per unit of that number.
+        tolerance: greatest error of simulated positions, m.
+        remanence: initial state of the piezo; None for a piezo that has rested for long.
+        slips: irregularity of the steps; None if every step follows the equations.
+
+    Raises:
+        RigError: the bench's sampling rate differs from its update rate.
     """
 
     def __init__(
@@ -79,27 +82,30 @@ class Stream:
         self._before = self._now()
 
     def number(self, volts: float) -> float:
-        """Return the converter's number for a voltage at the piezo."""
+        """Return the number to send to the D/A converter for a voltage [V] at the piezo."""
         return (volts - self._offset) / self._per_unit
 
     @property
     def slid(self) -> float:
-        """Displacement of the end-effector relative to the stage, m."""
+        """Return the displacement of the end-effector relative to the stage, m."""
         return self.position - self._motion.stage_position
 
     @property
     def position(self) -> float:
-        """Return the position of the end-effector, m."""
+        """Return the position of the end-effector, with the irregularity of its steps, m."""
         return self._motion.position + (0.0 if self._slips is None else self._slips.offset)
 
     @property
     def remanence(self) -> Remanence | None:
-        """Return the state of the piezo, if it has a memory."""
+        """Return the present state of the piezo; None if its models keep no state between runs."""
         found = self._motion.remanence
         return None if found is None else Remanence(*found)
 
     def exchange(self, volts: float) -> list[float]:
-        """Update the output and return the readings of the next update."""
+        """Output a voltage [V at the piezo] for one update; return the readings of the next update.
+
+        The readings have the order and units of the inputs.
+        """
         target = self._amplified(self.number(volts))
         if target == self._volts and target == self._monitor:
             self._motion.hold(target, self._tick)
@@ -116,7 +122,7 @@ class Stream:
         return self.readings()
 
     def readings(self) -> list[float]:
-        """Return the present readings of all inputs."""
+        """Return the present readings of all inputs, in order. Call this once per update."""
         (x0, v0, y0, w0), now = self._before, self._now()
         self._before = now
         found = []
@@ -137,7 +143,7 @@ class Stream:
         return self.position, motion.velocity, motion.stage_position, motion.stage_velocity
 
     def _amplified(self, number: float) -> float:
-        """Return the amplifier's target voltage, V."""
+        """Return the voltage [V] that the amplifier approaches for a number sent to the D/A converter."""
         dac, amplifier = self._bench.dac, self._bench.amplifier
         steps = (number * dac.gain - dac.low) / dac.step
         code = math.floor(steps + 1e-6) if dac.truncates else round(steps)
@@ -147,8 +153,14 @@ class Stream:
 
 
 def _between(a: float, da: float, b: float, db: float, share: float, span: float) -> float:
-    """Return the motion within one update by a cubic from position a to b with slopes da and db; `share` of
-    the update's `span` [s] has passed."""
+    """Interpolate a position within one update by a cubic; return the position, m.
+
+    Args:
+        a, da: position [m] and velocity [m/s] at the start of the update.
+        b, db: position and velocity at its end.
+        share: fraction of the update that has passed, 0 to 1.
+        span: duration of the update, s.
+    """
     if share == 1.0:
         return b
     left = 1.0 - share

@@ -1,7 +1,7 @@
-"""Supervision of a rig: runs that continue without their client and always end at 0 V.
+"""Supervision of a rig in the process that owns it: every run ends at 0 V, also without its client.
 
-A run is a thread that fetches and checks the samples, even if no client asks for them. The run ends by itself
-when its client is silent or gone.
+A run is a thread that fetches and checks the samples, even if no client asks for them. The run is ended, with
+a ramp to 0 V, when its client has been silent for too long or is gone.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ ANOTHER = 3  # exit code of a process whose rig belongs to another process
 HOMING = 0.02  # s of readings at 0 V that define home
 MONITORED = 1.0  # s after the ramp within which the amplifier's monitor must read 0 V
 AT_ZERO = 0.01  # fraction of the output's range that counts as 0 V at the monitor
-_LOOKS = 0.2  # s, longest time between two looks at a run
-_LOST = 1.0  # s beyond the watchdog after which a call of the rig counts as hanging
+_LOOKS = 0.2  # s, longest time between two checks of a run for silence
+_LOST = 1.0  # s in addition to `Limits.watchdog`, after which a call of the rig's `fetch` counts as hanging
 
 
 class Supervisor:
@@ -43,9 +43,13 @@ class Supervisor:
     Args:
         home: origin of positions.
         changed: called to store `home` after a run or a change of home.
-        log: called with a line for each ramp to 0 V.
-        interlock: decides whether a run may start; by default that of a simulated rig.
+        log: called at the end of each run, with a line of text about the end and the ramp to 0 V.
+        interlock: decides whether a run may start; by default the interlock of a simulated rig.
         site: returns the limits and permits of the site, for each run of a rig that is not simulated.
+
+    Attributes:
+        phase: "idle", "preparing", "running" or "stopping".
+        began: position before the drive of the run, m (rad) from home; None until it was read.
     """
 
     def __init__(
@@ -62,13 +66,13 @@ class Supervisor:
         self.phase = "idle"
         self.began: float | None = None
         self.ramp_after: float | None = None  # s from the request to stop to the start of the ramp
-        self.stopped: dict[str, Any] = {}  # last stop: monitor reading, V, or the failure
+        self.stopped: dict[str, Any] = {}  # last stop: "measured", V or None, or "failed", a text
         self._news = threading.Condition()
         self._blocks: deque[Array] = deque()
         self._sent: list[Array] = []  # blocks whose receipt the program has not confirmed
         self._stored = 0  # samples before `_sent`
         self._keep: Path | None = None
-        self._kept: BinaryIO | None = None  # that file, open while it may have to be completed
+        self._kept: BinaryIO | None = None  # the file of samples `_keep`, open while it may need completion
         self._failure: BaseException | None = None
         self._unsafe: BaseException | None = None  # failure of the stop, until the client knows
         self._stop: tuple[str, float] | None = None
@@ -114,8 +118,8 @@ class Supervisor:
         threading.Thread(target=self._watch, args=(rig, self._thread, order), daemon=True).start()
 
     def _sited(self, rig: Rig, order: Order) -> tuple[Rig, Order]:
-        """Return the rig with the permits of the site, and the order within the site's limits. Read the
-        limits of the device again."""
+        """Return the rig with checks of the site's permits, and the order with the stricter of both limits.
+        Read the device's limits again. Leave a simulated rig alone. Raises LimitError for a refused drive."""
         if self.interlock.simulated:
             return rig, order
         site = self._site()
@@ -133,7 +137,7 @@ class Supervisor:
         return LoopRig(cast(StreamingRig, rig), made, order.position, self.home, order.limits, *beliefs)
 
     def command(self, what: dict[str, Any]) -> None:
-        """Send a command to the controller of the active loop, which takes it up at an update. The
+        """Call the method `command` of the active loop's controller with the arguments `what`, by name. The
         controller's refusal is raised here; RigError if no loop that takes commands is active."""
         act = getattr(None if self._loop is None else self._loop.controller, "command", None)
         if act is None or not self.busy:
@@ -141,16 +145,20 @@ class Supervisor:
         act(**what)
 
     def beat(self) -> None:
-        """Take a sign of life of the page that operates the run."""
+        """Note that the page that operates the run is alive, for `Limits.heartbeat`."""
         self._beat = time.monotonic()
 
     def said(self) -> dict[str, Any] | None:
-        """Return the state of the active or the last loop; None without one."""
+        """Return `LoopRig.said` of the closed loop of the active or last run; None if that is no loop."""
         return None if self._loop is None else self._loop.said()
 
     def stop(self, why: str, gone: bool = False) -> bool:
-        """Request the end of the run with a ramp to 0 V. Return False if no run is active. It counts as a
-        fault if the program that started the run is `gone`."""
+        """Request the end of the run with a ramp to 0 V, and return at once: False if no run is active.
+
+        Args:
+            why: the reason; the reason of the first request counts.
+            gone: True if the program that started the run is gone, which is a fault for the interlock.
+        """
         with self._news:
             if not self.busy:
                 return False
@@ -164,7 +172,7 @@ class Supervisor:
         return True
 
     def join(self, most: float | None = None) -> None:
-        """Wait until the run has ended."""
+        """Wait until the run has ended, `most` seconds at most; None is no limit."""
         if self._thread is not None:
             self._thread.join(most)
 
@@ -192,14 +200,14 @@ class Supervisor:
         return None
 
     def check_stopped(self) -> None:
-        """Raise the error of the last run's stop, unless `fetch` has raised it. A client that has all samples
-        fetches no more, but the output may have kept its voltage."""
+        """Raise the error of the last run's stop, once, unless `fetch` has raised it. A client that has all
+        samples fetches no more, but the output may have kept its voltage."""
         failed, self._unsafe = self._unsafe, None
         if failed is not None:
             raise failed
 
     def complete(self) -> None:
-        """Store the remaining samples of an ended run whose program is gone."""
+        """Store the samples of an ended run that its program, which is gone, has not stored."""
         with self._news:
             blocks, keep = [*self._sent, *self._blocks], self._keep
             self._sent, self._keep = [], None
@@ -209,13 +217,14 @@ class Supervisor:
                 complete(keep, self._stored, np.concatenate(blocks, axis=1))
 
     def leave_samples(self) -> None:
-        """Close the file of samples: the program has stored them itself."""
+        """Close the file of samples, so that its lock is released: nothing has to be added any more."""
         kept, self._kept = self._kept, None
         if kept is not None:
             kept.close()
 
     def home_here(self, position: PositionInput, limits: Limits) -> None:
-        """Make the present position home: read the position while the output is at 0 V."""
+        """Make the present position home, read by the input `position` in a run of `HOMING` seconds at 0 V.
+        Raises RigError if no rig is open, a run is active, or the rig gives no reading."""
         if self.rig is None:
             raise RigError("no rig is open")
         can = self.rig.capabilities
@@ -296,7 +305,13 @@ class Supervisor:
         collect()
 
     def _settle(self, order: Order, ended: str, fault: bool) -> None:
-        """Latch a fault. Disarm an output that was enabled for this run only."""
+        """Update the interlock after a run: latch a fault, or disarm if the run was armed by itself.
+
+        Args:
+            order: the request for the run.
+            ended: end of the run in words.
+            fault: True if the run ended by a fault. A failed stop always is one.
+        """
         if "failed" in self.stopped:
             self.interlock.latch(f"{ended}; {self.stopped['failed']}")
         elif fault:
@@ -305,7 +320,8 @@ class Supervisor:
             self.interlock.disarm("the program that runs it", "the run has ended")
 
     def _keep_pace(self, pause: float) -> None:
-        """Wait for the client if the rig is faster than real time, so that a stop takes effect as early."""
+        """Wait until the client asks for samples or a stop, at most `pause` s (duration of the last block). A
+        rig faster than real time would otherwise be far ahead of its client, and a stop come late."""
         with self._news:
             self._news.wait_for(lambda: self._wanting or self._stop is not None, pause)
             self._wanting = False
@@ -319,7 +335,7 @@ class Supervisor:
                 close()
 
     def _go_on(self) -> None:
-        """Raise the reason to end the run early, if there is one."""
+        """Raise StopRequested if a stop was requested, LimitError if the client is silent for too long."""
         if self._stop is not None:
             raise StopRequested(self._stop[0])
         silent = time.monotonic() - self._asked
@@ -329,7 +345,8 @@ class Supervisor:
             )
 
     def _watch(self, rig: Rig, thread: threading.Thread, order: Order) -> None:
-        """Stop a run whose operator is silent, and a rig whose `fetch` hangs, from another thread."""
+        """Stop a run whose operator is silent, and a rig whose `fetch` hangs, from a thread other than the
+        run's `thread`."""
         allowed, who = order.limits.heartbeat, "operator's page" if order.operated else "program"
         while thread.is_alive():
             thread.join(min(_LOOKS, 0.1 * allowed))
@@ -347,8 +364,11 @@ class Supervisor:
 
 
 def _monitored(rig: Rig | None) -> float | None:
-    """Return the amplifier's monitor reading after a ramp, V; None without a monitor. RigError if it is not 0
-    V."""
+    """Return the reading of the amplifier's monitor after a ramp, V; None without a monitor.
+
+    Raises:
+        RigError: the monitor does not read 0 V (within `AT_ZERO`) within `MONITORED` seconds.
+    """
     monitor = getattr(rig, "monitor", None)
     if rig is None or monitor is None:
         return None
@@ -362,7 +382,7 @@ def _monitored(rig: Rig | None) -> float | None:
 
 
 def state_of(supervisor: Supervisor, holder: str) -> dict[str, Any]:
-    """Return the state that clients may see."""
+    """Return the state of rig and interlock for clients, as JSON data; `holder` is the client's name."""
     return {
         "phase": supervisor.phase,
         "position": supervisor.home.position,

@@ -1,7 +1,7 @@
-"""A drive as a table that starts and ends at 0 V, for generators that put it out once, and its fade-out.
+"""Drives as tables for generators that output a table once, and the stop of such a generator.
 
-A generator that loses its program continues to the end of its table. The ramp to 0 V is therefore part of the
-table. During a run, a stop reduces the amplitude in steps.
+A generator that loses its program continues to the end of its table. The table therefore ends with a ramp to
+0 V. A stop during a run reduces the amplitude of the output in steps.
 """
 
 from __future__ import annotations
@@ -16,17 +16,22 @@ from ..quantities.units import QuantityError
 from .limits import LONGEST_STOP
 from .protocols import Array, Capabilities, RigError
 
-_STEP = 0.02  # s, shortest time between two amplitudes
-_MOST_STEPS = 100
-_LEAST_DRIVE = 1.0  # V, smallest drive whose recording can be compared
+_STEP = 0.02  # s, longest time between two amplitudes of a stop with fewer than the greatest number of steps
+_MOST_STEPS = 100  # greatest number of amplitudes of a stop
+_LEAST_DRIVE = 1.0  # V, least range of a drive that is compared with its recording
 _FOLLOWS = 0.5  # least correlation between the recorded drive and the output
-_LAGS = (0, 1, 2, 3, 5, 8, 13, 21, 34)  # samples by which the amplifier may lag
+_LAGS = (0, 1, 2, 3, 5, 8, 13, 21, 34)  # samples by which the recorded drive may lag behind the output
 
 
 def with_ramp(volts: Array, slew: float, rate: float) -> Array:
-    """Return 0 V, then a drive [n], V, at `rate` values per second, then a ramp at `slew` V/s to 0 V.
+    """Return a table, V: the value 0 V, a drive, and a ramp to 0 V.
 
     Generators wait at the first value of their table, which is therefore 0 V.
+
+    Args:
+        volts: voltages of the drive [n].
+        slew: slew rate of the ramp, V/s.
+        rate: values per second of the table, Hz.
     """
     last = float(volts[-1])
     count = max(math.ceil(abs(last) / slew * rate), 1)
@@ -34,7 +39,14 @@ def with_ramp(volts: Array, slew: float, rate: float) -> Array:
 
 
 def within(name: str, volts: Array, low: float, high: float, points: int) -> None:
-    """Raise RigError unless the table [n], V, is finite, from `low` to `high` V, and not too long."""
+    """Raise RigError unless a table is finite, within the voltages of the device, and not too long.
+
+    Args:
+        name: name of the device, for the error.
+        volts: values of the table [n], V.
+        low, high: least and greatest voltage, V.
+        points: greatest number of values.
+    """
     if not np.all(np.isfinite(volts)) or volts.min() < low - 1e-9 or volts.max() > high + 1e-9:
         raise RigError(f"{name}: the drive must be finite and within {low:g} to {high:g} V")
     if volts.size > points:
@@ -44,7 +56,7 @@ def within(name: str, volts: Array, low: float, high: float, points: int) -> Non
 
 
 def check_inputs(can: Capabilities, inputs: tuple[str, ...], samples: int) -> None:
-    """Raise RigError for unknown inputs and for too many samples."""
+    """Raise RigError if the rig lacks one of the inputs or cannot record this number of samples."""
     for one in inputs:
         if one not in can.inputs:
             raise RigError(f"{can.name}: there is no input {one!r}; there are {', '.join(can.inputs)}")
@@ -53,7 +65,7 @@ def check_inputs(can: Capabilities, inputs: tuple[str, ...], samples: int) -> No
 
 
 def check_positive(**values: float) -> None:
-    """Raise QuantityError, naming the option, if an option is not finite or not above 0."""
+    """Raise QuantityError unless each option, given by name, is finite and above 0."""
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0.0):
             raise QuantityError(f"{name} = {value} must be > 0")
@@ -71,10 +83,15 @@ def held(volts: Array, samples: int) -> Array:
 
 
 def check_followed(name: str, recorded: Array, played: Array) -> None:
-    """Raise RigError if a recorded drive [n] differs from the output [n].
+    """Raise RigError if a recorded drive [n] is another signal than the output [n].
 
-    A scale, an offset and a lag of some samples are allowed. Otherwise the recording is of another signal, or
-    its samples are shifted or damaged.
+    A scale of either sign, an offset and a lag of some samples are allowed. If the correlation is too low
+    with each lag, the input records another signal, or its samples are shifted or damaged.
+
+    Args:
+        name: name of the device, for the error.
+        recorded: recorded drive [n].
+        played: output at the same times [n], V; with a range below 1 V nothing is checked.
     """
     if np.ptp(played) < _LEAST_DRIVE:
         return
@@ -94,10 +111,10 @@ def lower(to: Callable[[float], None], greatest: float, slew: float, most: int =
     """Reduce an output to 0 V in steps, at `slew` on average.
 
     Args:
-        to: sets the output to this fraction of its original amplitude.
+        to: called with a fraction, 1 to 0, to which it sets the output's amplitude.
         greatest: greatest possible voltage at present, V.
-        slew: V/s; a ramp lasts 10 s at most.
-        most: greatest number of steps; a step lasts 20 ms at least.
+        slew: V/s; it is raised if the reduction would last longer than 10 s.
+        most: greatest number of steps. With fewer steps than that, a step lasts 20 ms at most.
     """
     takes = _takes(greatest, slew)
     steps = min(max(math.ceil(takes / _STEP), 1), most)
@@ -111,10 +128,13 @@ def _takes(greatest: float, slew: float) -> float:
 
 
 def fade_out(fade: Callable[[float], None], greatest: float, slew: float, ends: float) -> None:
-    """Reduce the amplitude of an output to 0 V (see `lower`), or wait for the end of its table if that is
-    earlier.
+    """Bring an output to 0 V: reduce its amplitude, or wait for the end of its table if that is earlier.
 
-    `ends` is the end of the table, s of the monotonic clock.
+    Args:
+        fade: called with a fraction, 1 to 0, to which it sets the output's amplitude.
+        greatest: greatest possible voltage at present, V.
+        slew: average slew of the reduction, V/s.
+        ends: time at which the table ends, s of `time.monotonic`.
     """
     left = ends - time.monotonic()
     if left <= _takes(greatest, slew):

@@ -1,7 +1,7 @@
-"""Updates of a closed loop: read, check the limits, ask the controller, put out.
+"""Closed loop around a rig: each update reads, checks the limits, calls the controller and sets the output.
 
-The loop around a rig is a rig itself. Its samples come in blocks, and it is recorded, watched and stopped
-like any other rig, in this process or in the process that owns the rig.
+The loop is a rig itself: its samples come in blocks, and it is recorded, supervised and stopped like any
+other rig, in this process or in the process that owns the rig.
 """
 
 from __future__ import annotations
@@ -20,16 +20,19 @@ from .limits import LimitError, Limits, beyond
 from .plausibility import Plausibility, Plausible, plausibility_of
 from .protocols import Array, Capabilities, Controller, RigError, StreamingRig, check_rate
 
-# Inputs that the loop adds to the inputs of its rig: position from home, target, and the controller's
-# request.
+# Names of the inputs that the loop adds to those of its rig: position from home [m or rad], target [the
+# same], and the voltage that the controller requests [V].
 AT, WANTED, ASKED = "loop.position", "loop.target", "loop.asked"
 OWN = (AT, WANTED, ASKED)
 STATISTICS = ("limited_updates", "slowest_step", "mean_step", "late_updates")
-_BLOCK = 0.005  # s of updates per `fetch`: the longest delay of a stop
+_BLOCK = 0.005  # s of updates that one `fetch` makes; a stop takes effect after it at the latest
 
 
 def looped(can: Capabilities, unit: str) -> Capabilities:
-    """Return the capabilities of a loop around this rig; `unit` is the unit of positions."""
+    """Return the capabilities of a loop around a rig, with its additional inputs.
+
+    `can` are the capabilities of the rig, and `unit` is the unit of positions, "m" or "rad".
+    """
     return can._replace(inputs={**can.inputs, AT: unit, WANTED: unit, ASKED: "V"})
 
 
@@ -37,10 +40,10 @@ class LoopRig:
     """A rig in a closed loop; see `protocols.Rig`. The loaded values are targets, m (rad) from home.
 
     Args:
-        rig: puts out and reads.
-        controller: has `step(measured, target, tick)`. A true attribute `done` ends the run; an attribute
-            `target` replaces the loaded target.
-        position: the controlled input.
+        rig: rig that outputs one voltage, and reads its inputs, at each update.
+        controller: has `step(measured, target, tick)`. A true attribute `done` ends the run. If it has an
+            attribute `target`, that is recorded and checked instead of the loaded target.
+        position: input that measures the controlled position.
         home: origin of positions.
         limits: limits of the output and the position.
         plausibility: thresholds for the position; by default the controller's own.
@@ -48,8 +51,8 @@ class LoopRig:
 
     Attributes:
         count: number of updates so far.
-        heard: time of the last answer of rig or controller, `time.monotonic`.
-        answering: True while the controller computes.
+        heard: time of the last answer of rig or controller, s of `time.monotonic`.
+        answering: True while the controller's `step` is executed.
         begun: True once the rig has started, which may take some time.
         ended: True when the run is over.
     """
@@ -90,11 +93,11 @@ class LoopRig:
 
     @property
     def origin(self) -> float:
-        """Offset of the rig's position readings."""
+        """Return the origin of the rig's position readings, m: see `home`."""
         return getattr(self.rig, "origin", 0.0)
 
     def load(self, volts: Array) -> None:
-        """Load the targets [n]. The last target stays."""
+        """Load the targets [n], m (rad), one per update. The last target stays."""
         self._targets = volts.tolist()
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
@@ -102,7 +105,7 @@ class LoopRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start at 0 V."""
+        """Start the run at 0 V and read the inputs for the first update."""
         name, second = self._position.name, self._second
         first = (name,) if second is None or second.name == name else (name, second.name)
         own = [one for one in self._inputs if one not in OWN and one not in first]
@@ -117,8 +120,10 @@ class LoopRig:
         self.heard, self.begun = time.monotonic(), True
 
     def fetch(self) -> Array:
-        """Return the next updates [inputs, n]. An error is raised only after all earlier updates were
-        returned."""
+        """Make updates for 5 ms of the loop's time and return their samples [inputs, n].
+
+        An error in an update is raised only after the samples of all earlier updates were returned.
+        """
         if self._failure is not None:
             raise self._failure
         count = max(1, round(_BLOCK * self.capabilities.sample_rate))
@@ -131,18 +136,20 @@ class LoopRig:
         return self.rest()
 
     def rest(self) -> Array:
-        """Return the recorded updates that were not returned yet [inputs, n]."""
+        """Return the samples [inputs, n] of updates that `fetch` has not returned yet."""
         rows, self._rows = self._rows, []
         return np.array(rows, dtype=float).reshape(-1, len(self._inputs)).T
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V. A later answer of the controller is ignored."""
+        """Ramp to 0 V at `slew` V/s. A later answer of the controller is ignored."""
         self._left = True
         self.rig.stop(slew)
 
     def said(self) -> dict[str, Any]:
-        """Return statistics of the updates, and what the controller's `told()` gives, if present, as JSON
-        data."""
+        """Return statistics of the updates (`STATISTICS`), and the content of the controller's `told()`.
+
+        The result is JSON data, by name. The controller need not have a method `told`.
+        """
         told = getattr(self.controller, "told", None)
         mean = self._total / max(self.count, 1)
         found = (self._guard.limited, self._slowest, mean, int(self._late))
@@ -199,7 +206,7 @@ class LoopRig:
             self._readings, self._given = readings, given
 
     def _other(self, readings: list[float]) -> float:
-        """Return the position of the second sensor, through its calibrations."""
+        """Return the calibrated position of the second sensor, m (rad), from an update's readings."""
         assert self._second is not None
         raw = np.array(readings[1:2] if self._second.name != self._position.name else readings[:1])
         return float(calibrated(raw, self._second.calibration)[0])
@@ -211,7 +218,11 @@ class LoopRig:
 
 
 class _Guard:
-    """Check of the limits at each update."""
+    """Checks of end stops, constant readings and requested voltages at each update.
+
+    Attributes:
+        limited: number of updates in which the requested voltage was clipped.
+    """
 
     def __init__(self, limits: Limits, can: Capabilities, unit: str) -> None:
         self._unit = unit
@@ -221,11 +232,20 @@ class _Guard:
         self._limits = limits
         self._patience = max(limits.frozen * can.sample_rate, 2.0)
         self._last, self._same = math.nan, 0
-        self._least = self._greatest = 0.0  # of the drive since the last change of the reading
+        self._least = self._greatest = 0.0  # V, range of the drive since the reading last changed
         self.limited = 0
 
     def sees(self, reading: float, measured: float, given: float) -> None:
-        """Check a reading and its position after a voltage was put out. Raises LimitError."""
+        """Check the position at one update.
+
+        Args:
+            reading: raw reading of the position input.
+            measured: position, m (rad) from home.
+            given: voltage that was output before the reading, V.
+
+        Raises:
+            LimitError: the position is beyond an end stop, or constant while the drive moved.
+        """
         limits = self._limits
         for limit, sign in ((limits.min_position, -1), (limits.max_position, 1)):
             if sign * (measured - limit) > 0.0:
@@ -242,8 +262,16 @@ class _Guard:
             )
 
     def allowed(self, wish: float, given: float, tick: int) -> float:
-        """Return the request [V], limited in range and in change from `given`. LimitError if it is not
-        finite."""
+        """Return the voltage to output, V: the request, clipped to the voltage range and the slew rate.
+
+        Args:
+            wish: voltage that the controller requests, V.
+            given: previous output, V.
+            tick: number of the update, for the error.
+
+        Raises:
+            LimitError: the request is no finite number.
+        """
         if not isinstance(wish, float | int) or not math.isfinite(wish):
             raise LimitError(f"the controller asked for {wish!r} V at update {tick}: stopped")
         found = min(max(wish, self._low, given - self._most), self._high, given + self._most)

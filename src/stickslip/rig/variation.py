@@ -1,14 +1,14 @@
-r"""Variation of a virtual rig's contact from run to run, as measured on real ones.
+r"""Variation of a virtual rig's contact from run to run, as measured on real contacts.
 
-One factor multiplies all friction forces (Coulomb, stiction), another the stiffness of the bristle. Lengths
-change with the ratio of the two factors. In run k of a series the logarithms are (up to half their variance,
-which is subtracted so that the mean factor is 1)
+A factor f multiplies all friction forces (Coulomb, stiction), a factor s the stiffness of the bristle.
+Lengths change with the ratio f/s. In run k of a series their logarithms are (less half their variance, so
+that the mean factor is 1)
 
 .. math:: \ln f_k = \sigma_f\,e_k + \sigma_d\,d_k, \qquad d_k = \rho\,d_{k-1} + \sqrt{1-\rho^2}\,e'_k,
       \qquad \rho = e^{-1/n}, \qquad \ln s_k = \sigma_s\,e''_k
 
-with independent standard normal e. Runs are numbered, so that each of them can be drawn alone and reproduced
-bit for bit. A rig that is opened again continues with the next number.
+with independent standard normal e, e', e''. Runs are numbered, so that each of them can be drawn alone and
+reproduced bit for bit. A rig that is opened again continues with the next number.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from ..physics.actuator import Actuator
 from ..quantities.records import Quantity, quantities, record
 from .irregularity import REGULAR, Irregularity, Slips
 
-_OWN, _SLOW = 1, 2  # streams of random numbers in a series
+_OWN, _SLOW = 1, 2  # numbers of the random streams: scatter of single runs, slow change
 
 
 @record
 class Variation(NamedTuple):
-    """Relative standard deviations from run to run. If all are zero, every run has the same contact.
+    """Relative standard deviations of the contact from run to run; 0, the default, is no variation.
 
-    Measured from stroke to stroke of a tribometer (see docs/decisions/rig.md): friction 0.4 %, drift 1.2 %,
-    drift_runs 15, stiffness 2 %.
+    On a tribometer they were, from stroke to stroke: friction 0.4 %, drift 1.2 % over drift_runs 15,
+    stiffness 2 % (see docs/decisions/rig.md).
     """
 
     friction: Annotated[float, Quantity("", "σ_f", "scatter of friction", minimum=0, maximum=0.3)] = 0.0
     drift: Annotated[float, Quantity("", "σ_d", "slow change of friction", minimum=0, maximum=0.3)] = 0.0
     drift_runs: Annotated[
-        float, Quantity("", "n", "runs after which that is forgotten", minimum=1, maximum=1e6)
+        float, Quantity("", "n", "runs after which the slow change is forgotten", minimum=1, maximum=1e6)
     ] = 15.0
     stiffness: Annotated[
         float, Quantity("", "σ_s", "scatter of the bristle's stiffness", minimum=0, maximum=0.3)
@@ -50,9 +50,10 @@ class Variation(NamedTuple):
 
 
 class Repeats(NamedTuple):
-    """State of a series of runs: variation, seed of the series, and number of the next run.
+    """State of a series of runs of a virtual rig.
 
-    `irregularity` describes how steps differ from each other.
+    `variation` is the size of the variation from run to run, `series` the seed of the series, and `number`
+    the number of the next run. `irregularity` describes how steps within a run differ from each other.
     """
 
     variation: Variation = Variation()
@@ -61,11 +62,11 @@ class Repeats(NamedTuple):
     irregularity: Irregularity = REGULAR
 
     def factors(self, run: int = 0) -> tuple[float, float]:
-        """Return the factors of friction and stiffness, `run` runs after the next one."""
+        """Return the factors of friction and stiffness in a run; `run` counts from 0, the next run."""
         return _factors(self.variation, self.series, self.number + run)
 
     def actuator(self, actuator: Actuator, run: int = 0) -> Actuator:
-        """Return the actuator with the contact of a run; unchanged without variation."""
+        """Return the actuator with the contact of a run; unchanged without variation. 0 is the next run."""
         if self.variation.none or actuator.clamped:
             return actuator
         friction, stiffness = self.factors(run)
@@ -76,15 +77,22 @@ class Repeats(NamedTuple):
         return actuator.replace(friction=law._replace(**changed))
 
     def slips(self, actuator: Actuator, run: int = 0) -> Slips | None:
-        """Return the irregular slips of a run; None without irregularity."""
+        """Return the irregular slips of a run (0 is the next run); None without irregularity."""
         if self.irregularity.none or actuator.clamped:
             return None
         return Slips(self.irregularity, actuator, (self.series, self.number + run))
 
     def told(self, actuator: Actuator, runs: int = 1, after: int = 0) -> dict[str, str]:
-        """Return the contact of one or several runs for a recording's attribute `contact`, as JSON.
+        """Return the true contact of one or several runs, as the attribute `contact` of their recording.
 
-        It contains the number, both factors, and the changed fields in SI units; nothing without variation.
+        Args:
+            actuator: the actuator without variation.
+            runs: number of runs of the recording.
+            after: number of runs between the next run and the first run of the recording.
+
+        Returns:
+            {"contact": JSON text}, with number, both factors, and the changed fields of the friction law in
+            SI units of each run; empty without variation.
         """
         if self.variation.none or actuator.clamped:
             return {}

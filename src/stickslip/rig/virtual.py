@@ -28,13 +28,13 @@ from .remanence import Remanence, annealed, from_state, left_by, remembers, simp
 from .streaming import Stream
 from .variation import EXACT, Repeats
 
-BLOCK = 0.02  # s of samples per `fetch`
-OVERSAMPLING = 4  # factor between the rate of analogue signals and the sampling rate
+BLOCK = 0.02  # s of samples that one `fetch` returns
+OVERSAMPLING = 4  # rate at which analogue signals are computed, as a multiple of the sampling rate
 # column of a simulated trajectory for each place of a sensor
 _COLUMN = {"stage": STAGE, "end_effector": SLIDER}
 _SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to settle
 MAX_POINTS = 5_000_000
-MAX_STEPS = 5_000_000  # of the solver; a recording of 10 s takes some 200 000
+MAX_STEPS = 5_000_000  # greatest number of integration steps in a run; 10 s take some 200 000
 
 
 class VirtualRig:
@@ -46,14 +46,15 @@ class VirtualRig:
         seed: seed of all noise. The same seed gives the same recording, bit for bit. Each run after the first
             has different noise.
         repeats: variation of the contact from run to run and from step to step; none by default.
-        real_time: return samples no sooner than a real rig would.
-        tolerance: m, of the simulation.
+        real_time: True to return samples no sooner than a real rig would.
+        tolerance: greatest error of simulated positions, m.
 
     Each run starts at rest, and its readings start at zero, as those of an incremental sensor do. `origin` is
-    the end-effector's previous displacement, m. A piezo with hysteresis and creep, however, continues from
-    its state at the end of the previous run, without a pause; the readings then start at the remaining
-    stroke. A new rig has rested at 0 V for long. If the amplifier goes below 0 V, a sine about 0 V that
-    decays over many periods leaves almost the same state. A run at 0 V is a rest.
+    the displacement of the end-effector by all earlier runs, m. A piezo with hysteresis and creep, however,
+    continues from its state at the end of the previous run, without a pause; the readings then start at the
+    remaining stroke. The piezo of a new rig has rested at 0 V for long. To return to almost this state, run a
+    sine about 0 V that decays over many periods, if the amplifier allows negative voltages. A run at 0 V is a
+    rest.
     """
 
     simulated = True  # needs no arming
@@ -87,8 +88,8 @@ class VirtualRig:
         self.bench, self._seed, self._real_time, self._tolerance = bench, seed, real_time, tolerance
         self._repeats = repeats
         self._per_unit = bench.dac.gain * bench.amplifier.gain
-        # A program adds this offset, so that the steps of a truncating converter lie around the requested
-        # voltage.
+        # V at the piezo for the number 0, as a program calibrates it: half a step is included, so that a
+        # truncating converter rounds to the step nearest to the requested voltage.
         half = 0.5 * bench.dac.step * bench.amplifier.gain if bench.dac.truncates else 0.0
         self._offset = bench.amplifier.offset - half
         self._runs = 0
@@ -103,8 +104,8 @@ class VirtualRig:
         self._interrupted = threading.Event()  # set by a stop: do not wait for the rest of a block
         self._data = np.zeros((0, 0))
         self._stream: Stream | None = None  # the active run that is computed update by update
-        self._turn = threading.Lock()  # held while putting out or stopping
-        self._numbers = np.zeros(0)  # all numbers sent to the converter in the last run, with the ramp
+        self._turn = threading.Lock()  # excludes `exchange` and `stop` from each other
+        self._numbers = np.zeros(0)  # numbers sent to the D/A converter in the last run, with the ramp
 
     @property
     def capabilities(self) -> Capabilities:
@@ -133,7 +134,7 @@ class VirtualRig:
         self._volts = np.array(volts, dtype=float)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs when the output starts."""
+        """Choose the inputs of the next run, and the number of samples to record."""
         self._forbid_running("arm")
         known = self.capabilities.inputs
         for name in inputs:
@@ -144,7 +145,7 @@ class VirtualRig:
         self._inputs, self._samples = tuple(inputs), samples
 
     def start(self) -> None:
-        """Run: compute all samples at once, for `fetch`."""
+        """Start a run: compute all its samples at once; `fetch` then returns them in blocks."""
         self._forbid_running("start")
         if not self._volts.size or not self._samples:
             raise RigError("start needs a drive (load) and inputs (arm)")
@@ -155,7 +156,11 @@ class VirtualRig:
         self._fetched, self._began, self._running = 0, time.monotonic(), True
 
     def begin(self, inputs: tuple[str, ...]) -> list[float]:
-        """Start a run at 0 V whose output is set update by update; return the readings of the inputs."""
+        """Start a run at 0 V whose output is set update by update, by `exchange`.
+
+        Returns:
+            The first readings of the inputs, in their order and units.
+        """
         self._forbid_running("begin")
         self.arm(inputs, MAX_POINTS)
         actuator = self._here()
@@ -171,7 +176,7 @@ class VirtualRig:
         return stream.readings()
 
     def exchange(self, volts: float) -> list[float]:
-        """Put out a voltage at this update and return the readings of the next one."""
+        """Output a voltage [V at the piezo] at this update; return the readings of the next update."""
         with self._turn:
             stream = self._stream
             if stream is None:
@@ -188,7 +193,7 @@ class VirtualRig:
                 raise RigError(f"the simulation of the actuator: {error}") from None
 
     def fetch(self) -> Array:
-        """Return the next samples; none at the end."""
+        """Return the next samples [inputs, n]; n is 0 at the end of the run."""
         if not self._running:
             raise RigError("nothing is running")
         end = min(self._fetched + max(1, round(BLOCK * self.bench.sample_rate)), self._samples)
@@ -202,7 +207,7 @@ class VirtualRig:
         return block
 
     def interrupt(self) -> None:
-        """Let `fetch` return at once with the samples so far. Called from another thread, for a stop."""
+        """Let a waiting `fetch` return at once with the samples so far. Another thread calls this to stop."""
         self._interrupted.set()
 
     def stop(self, slew: float) -> None:
@@ -230,7 +235,11 @@ class VirtualRig:
             self._remanence = left_by(piezo, self._begins(table.before), table, given.duration)
 
     def _ramp(self, volts: float, greatest: float, slew: float) -> Array:
-        """Return the ramp from a voltage to 0 V, with a pause at 0 V; `greatest` is the run's peak, V."""
+        """Return the voltages [n], V, of the ramp from `volts` [V] to 0 V and of a pause at 0 V.
+
+        `greatest` is the peak voltage of the run, V; from it a ramp at `slew` V/s must not exceed
+        `LONGEST_STOP`, else a faster ramp is used.
+        """
         slew = max(slew, greatest / LONGEST_STOP) if math.isfinite(slew) else math.inf
         rate = self.bench.dac.update_rate
         updates = math.ceil(abs(volts) / slew * rate)
@@ -238,7 +247,7 @@ class VirtualRig:
         return np.append(ramp, np.zeros(math.ceil(_SETTLE * rate)))
 
     def _stop_stream(self, stream: Stream, slew: float) -> None:
-        """Ramp to 0 V, and keep the state of the actuator."""
+        """End a run by updates: ramp to 0 V, and keep the positions and the state of the piezo."""
         with self._turn:
             self._stream = None  # a later update finds no active run
             given = self._given or [0.0]
@@ -255,14 +264,18 @@ class VirtualRig:
                 self._remanence = stream.remanence
 
     def _begins(self, volts: float) -> Remanence:
-        """Return the state of the piezo at the start of a run; an annealed piezo starts at that voltage."""
+        """Return the state of the piezo at the start of a run.
+
+        In the first run the piezo has rested for long at `volts` [V], the amplifier's output at 0 V.
+        """
         assert self.actuator.piezo is not None
         return self._remanence or annealed(self.actuator.piezo, volts)
 
     def output(self) -> tuple[Array, Array]:
-        """Return the amplifier's output in the last run: times [s] and voltages [V], piecewise linear.
+        """Return the amplifier's output in the last run, with its ramp, as a piecewise linear signal.
 
-        Without a run it is 0 V.
+        Returns:
+            Times [n], s, and voltages [n], V; one point at 0 V before the first run.
         """
         dac, bench = self.bench.dac, self.bench
         if not self._numbers.size:
@@ -272,7 +285,7 @@ class VirtualRig:
         )
 
     def monitor(self) -> float:
-        """Return the amplifier's output after a run, V: the last number, as the converter rounds it."""
+        """Return the settled output of the amplifier after a run, V, with the rounding by the converter."""
         if not self._numbers.size:
             return 0.0
         code = float(dac_output(self.bench.dac, self._numbers[-1:])[0])
@@ -283,7 +296,7 @@ class VirtualRig:
             raise RigError(f"{what}: a run is going on; stop it first")
 
     def _computed(self) -> Array:
-        """Return the samples of all inputs [inputs, samples]."""
+        """Simulate the run and return the samples of all inputs [inputs, samples]."""
         bench, rate = self.bench, OVERSAMPLING * self.bench.sample_rate
         updates = math.ceil(self._samples * bench.dac.update_rate / bench.sample_rate) + 1
         codes = dac_output(bench.dac, _held(self._numbers, updates))
@@ -317,7 +330,11 @@ class VirtualRig:
         return np.array(rows).reshape(len(rows), self._samples)
 
     def _here(self) -> Actuator:
-        """Return the actuator of this run, with the normal force at its present place."""
+        """Return the actuator of this run.
+
+        Its contact has the variation of the run. A normal force that depends on the position is shifted by
+        the displacement of all earlier runs.
+        """
         actuator = self._repeats.actuator(self.actuator, self._runs)
         if (along := actuator.normal_force) is None:
             return actuator

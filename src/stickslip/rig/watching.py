@@ -1,4 +1,4 @@
-"""A rig that somebody watches: samples during the run, processed as in the recording, and a way to stop."""
+"""Wrapper of a rig that shows samples during the run, processed as in the recording; a viewer can stop it."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ class WatchedRig:
 
     Args:
         rig: the rig that records.
-        channels: as for `measure`; calibrated, filtered and zeroed block by block. Zero is the mean of the
-            samples before the drive in the first block.
-        armed: called with the number of samples of a run that will be shown, and how many come before the
-            drive.
-        sees: called with the next values of each channel [n], after those in which filters settle. An error
-            that it raises ends the run with a ramp to 0 V.
-        stopping: called when the ramp to 0 V has been requested.
+        channels: as for `measure`; calibrated, filtered and zeroed block by block. `zero` subtracts the mean
+            of the samples before the drive in the first block.
+        armed: called before a run with two numbers: of the samples that will be shown, and of those among
+            them before the drive.
+        sees: called with the next values of each channel [n] by name. The samples in which filters settle
+            are left out; while the start is awaited, n is 0. An error that it raises ends the run with a
+            ramp to 0 V.
+        stopping: called without arguments when the ramp to 0 V has been requested.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class WatchedRig:
 
     @property
     def origin(self) -> float:
-        """Offset of the wrapped rig's position readings."""
+        """Return the origin of the wrapped rig's position readings, m: see `home`."""
         return getattr(self._rig, "origin", 0.0)
 
     @property
@@ -69,11 +70,11 @@ class WatchedRig:
         return getattr(self._rig, "guard", None)
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return what a virtual rig reports about its next runs."""
+        """Return the wrapped rig's attributes for a recording of its next `runs` runs, by name."""
         return getattr(self._rig, "told", lambda runs: {})(runs)
 
     def load(self, volts: Array) -> None:
-        """Load the drive."""
+        """Load the drive [n], V at the piezo."""
         can = self.capabilities
         moving = np.flatnonzero(volts)
         first = int(moving[0]) if moving.size else volts.size
@@ -81,14 +82,14 @@ class WatchedRig:
         self._rig.load(volts)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs."""
+        """Record these inputs for `samples` samples, and tell the watcher what will be shown."""
         self._inputs, self._states, self._zeros = inputs, {}, {}
         self._skip = min(math.ceil(SETTLING * self.capabilities.sample_rate), self._before)
         self._rig.arm(inputs, samples)
         self._armed(samples - self._skip, self._before - self._skip)
 
     def start(self) -> None:
-        """Start the run, unless the watcher raises first."""
+        """Start the run, unless the watcher's function `sees` raises an error first."""
         nothing = {name: np.zeros(0) for name in self._channels}
         self._sees(nothing)
         if isinstance(self._rig, HostedRig):

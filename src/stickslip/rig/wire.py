@@ -9,18 +9,21 @@ The requests::
     | request | with | answer |
     |---|---|---|
     | hello | token, name, pid | number of the process |
-    | open | device, see `devices`; again: in the same recording | capabilities, or who holds the rig |
-    | close | | the rig is free |
-    | run | limits, inputs, samples, rest, position, keep (see `samples`); the drive [V] | started |
-    | | and controller (see `protocols.ControllerSpec`), for a closed loop; targets [m] | started |
-    | command | what, to the controller of that loop | accepted, or refused |
+    | open | device, see `description`; again: opened before | capabilities, told; or who holds the rig |
+    | close | | the rig is at 0 V and free |
+    | run | the fields of `order.Order`; the drive [V], or targets [m] for a closed loop | started |
+    | command | what: arguments for the controller of that loop | accepted, or refused |
     | fetch | wait [s] | phase, position, began [m], ramp_after [s], loop; the next samples [inputs, n] |
-    | beat | from any client | taken as a sign of life of the operator's page |
-    | stop | why; from any client | whether a run was active |
-    | home_here | input, calibration, slew | the present position is home |
-    | state | | phase, position, holder |
+    | home_here | input, calibration, slew [V/s] | the present position is home |
+    | beat | | noted: the operator's page is alive |
+    | stop | why; disarm: also disarm | stopped: True if a run was active |
+    | state | | phase, position, holder, stopped, interlock |
+    | arm, disarm, acknowledge | who, why | interlock: its state |
+    | permit | name, given, who, why | interlock: its state |
 
-The run of a client that does not fetch for `Limits.watchdog`, or disconnects, is stopped.
+Any client may send "hello", "open" and the requests from "beat" on; the others are accepted only from the
+client that holds the rig (since "open"). If that client does not fetch for `Limits.watchdog`, or disconnects,
+its run is stopped.
 """
 
 from __future__ import annotations
@@ -35,8 +38,8 @@ import numpy as np
 from ..gate.text import load_json
 from .protocols import Array
 
-LARGEST_HEAD = 1_000_000  # bytes
-LARGEST_ARRAY = 60_000_000  # numbers
+LARGEST_HEAD = 1_000_000  # bytes; a message with a larger head is refused
+LARGEST_ARRAY = 60_000_000  # numbers (480 MB); a message with a larger array is refused
 
 
 class WireError(OSError):
@@ -44,15 +47,24 @@ class WireError(OSError):
 
 
 def send(link: socket.socket, head: dict[str, Any], values: Array | None = None) -> None:
-    """Send a message. Errors of `text_of` are raised before anything is sent."""
+    """Send a message: `head` as JSON, and an array of numbers, which is empty by default.
+
+    Raises:
+        TypeError, ValueError: the head cannot be written as JSON. Nothing was sent.
+        OSError: the connection is closed.
+    """
     array = np.zeros(0) if values is None else np.ascontiguousarray(values, dtype="<f8")
     text = text_of({**head, "shape": array.shape}).encode()
     link.sendall(struct.pack("<I", len(text)) + text + array.tobytes())
 
 
 def text_of(head: dict[str, Any]) -> str:
-    """Return the JSON text, with NumPy numbers as Python's. TypeError for unknown types, ValueError for
-    cycles."""
+    """Return the head of a message as JSON text; numbers of NumPy become numbers of Python.
+
+    Raises:
+        TypeError: the head contains a type that JSON does not have.
+        ValueError: the head contains itself.
+    """
     return json.dumps(head, default=_plain)
 
 
@@ -64,7 +76,12 @@ def _plain(value: object) -> object:
 
 
 def receive(link: socket.socket) -> tuple[dict[str, Any], Array]:
-    """Return the next message. EOFError if the other side has gone, WireError if it is not a message."""
+    """Return the next message: its head, and its array, which is empty if the sender gave none.
+
+    Raises:
+        EOFError: the other side has closed the connection.
+        WireError: the received data are not a message.
+    """
     (length,) = struct.unpack("<I", _exactly(link, 4))
     if length > LARGEST_HEAD:
         raise WireError(f"a head of {length} bytes")
