@@ -19,34 +19,44 @@ from .recorded.channels import channel, names_of, recordings_of
 
 
 class Candidate(NamedTuple):
-    """A law to compare: initial values, free parameters, bounds, number of searches, ties and priors, as for
-    a fit."""
+    """A model to compare, and the settings of its fit.
+
+    Attributes:
+        label: name of the model in the comparison.
+        model: friction law (or another model) with initial values; None: a model that has no law.
+        free: names of the parameters to fit.
+        bounds: bounds of parameters by name.
+        starts: number of initial guesses.
+        tied: expressions of tied parameters by name.
+        priors: value and standard deviation of parameters by name.
+    """
 
     label: str
     model: Any
     free: tuple[str, ...]
     bounds: Bounds
-    starts: int = 1  # several for a law whose sum of squares has several local minima
+    starts: int = 1  # more for a law whose sum of squares has several local minima
     tied: Mapping[str, str] = {}  # the default is never modified
     priors: Mapping[str, tuple[float | str, float | str]] = {}  # the default is never modified
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Friction laws fitted to the same recordings: their `fits` and `verifications`, by label, in the order
-    of the laws."""
+    """Models fitted to the same recordings: their `fits`, and the goodness of their predictions of recordings
+    that no fit used (`verifications`), by label."""
 
     fits: Mapping[str, Fit]
     verifications: Mapping[str, Goodness]
 
     @property
     def best(self) -> str:
-        """Return the label of the law with the highest r^2 on the verification recordings."""
+        """Return the label of the model with the highest r^2 on the verification recordings."""
         return max(self.verifications, key=lambda label: self.verifications[label].r_squared)
 
     @property
     def table(self) -> xr.Dataset:
-        """Return the figures of merit (such as r^2, rmse, AIC) as a dataset over "law"."""
+        """Return a dataset over "law" (the labels): r^2 and rmse on fitted and on verification recordings,
+        AIC, BIC, number of parameters, and convergence."""
         fits, seen = list(self.fits.values()), list(self.verifications.values())
         columns = {
             "r_squared": ([f.r_squared for f in fits], ""),
@@ -92,15 +102,15 @@ def compared(
     observed: tuple[str, str],
     progress: Progress,
 ) -> Comparison:
-    """Fit each law, and predict the recordings for verification, which no fit has used.
+    """Fit each candidate, and judge each fit by its predictions of recordings that no fit has used.
 
     Args:
         laws: the candidates.
         fit: function that fits one candidate.
         unseen: recordings for verification, predicted with the fitted values.
-        drives: waveform of each of these; None if a prediction needs only the recording.
+        drives: waveform of each of these recordings; None: `predict` takes only the recording.
         observed: name of the predicted channel, and its unit.
-        progress: called before each law.
+        progress: called before each candidate with a text and the fraction that is done.
     """
     recordings = recordings_of(unseen)
     given = [()] * len(recordings) if drives is None else [(drive,) for drive in drives]

@@ -16,23 +16,26 @@ from ..quantities.units import LENGTH, Coordinate, QuantityError, to_si, with_un
 from ..simulation import varied
 from ..simulation.varied import NORMAL_FIELDS, element_of, free_names, law_of, ratios_of
 
-# m/s, typical sliding speed: the law's force at it gives the size of a damping that starts at zero.
+# Typical sliding speed, m/s. The law's force divided by this speed is the scale of a damping whose initial
+# value is zero.
 TYPICAL_SPEED = 1e-3
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 
 
 class LinearBounds(NamedTuple):
-    """Bounds that keep the scale of a parameter linear, even if both are positive. Without both ends, the
-    usual bounds apply."""
+    """Bounds (lower, upper; SI or strings) of a parameter with a linear scale, even if both are positive. The
+    default, infinite bounds, stands for default bounds with a linear scale."""
 
     lower: float = -math.inf
     upper: float = math.inf
 
 
 class SearchRange(NamedTuple):
-    """Range of a search that is not a limit of the parameter, with the shift of its logarithm; see
-    `Parameter`."""
+    """First search range of a parameter, SI, beyond which the search may continue as far as the law allows.
+
+    With `log` the search coordinate is the logarithm of value plus `shift`, otherwise the value.
+    """
 
     lower: float
     upper: float
@@ -41,13 +44,13 @@ class SearchRange(NamedTuple):
 
     @classmethod
     def of(cls, bounds: Bounds, name: str) -> SearchRange | None:
-        """Return the search range that is given as the bounds of a parameter; None for ordinary bounds."""
+        """Return the bounds of the named parameter if they are a `SearchRange`; otherwise None."""
         found: Any = bounds.get(name)
         return found if isinstance(found, cls) else None
 
 
 class Squared(NamedTuple):
-    """Bounds of a parameter whose square is the search coordinate."""
+    """Bounds, SI or strings, of a parameter whose search coordinate is its square."""
 
     lower: float
     upper: float
@@ -61,10 +64,16 @@ class Squared(NamedTuple):
 def exchangeable(
     law: Any, parameters: Sequence[Parameter], others: Sequence[Parameter]
 ) -> tuple[tuple[str, ...], ...]:
-    """Return groups of exchangeable parameter names, as `Problem` takes them.
+    """Return groups of parameter names, one group for each alike element of a friction law; empty if there
+    are fewer than two.
 
-    A law that is a sum of alike elements stays the same if two elements change places. An element is included
-    only if all its parameters are free and have no other bounds, priors or ties.
+    The force of a law with parallel elements stays the same if two elements are exchanged. An element is
+    included only if its stiffness and strength are free, without a prior, and no parameter is tied.
+
+    Args:
+        law: friction law.
+        parameters: free parameters.
+        others: fixed and tied parameters.
     """
     if not isinstance(law, MaxwellSlip) or any(p.tied for p in others):
         return ()
@@ -75,12 +84,18 @@ def exchangeable(
 
 
 def parameter(model: Any, name: str, bounds: Bounds, along: Coordinate = LENGTH) -> Parameter:
-    """Return the named parameter (one of `free_names`), starting at the model's value.
+    """Return the named parameter (one of `free_names`) for a fit, with the model's value as initial guess.
 
-    Without bounds the parameter is searched within a factor `REACH` of the start first, and then as far as
-    the law allows: down to zero, where it may be zero. A damping that starts at zero has the size of the
-    law's force at `TYPICAL_SPEED`. The scale is logarithmic, unless bounds reach down to zero or below, or
-    are `LinearBounds`.
+    Without bounds the parameter is searched within a factor `REACH` of the initial guess first, and then as
+    far as the law allows: down to zero, where it may be zero. For a force or damping whose initial value is
+    zero, the range follows from the law's force and `TYPICAL_SPEED`. The scale is logarithmic, unless given
+    bounds reach down to zero or below, or are `LinearBounds` or `Squared`.
+
+    Args:
+        model: actuator or friction law.
+        name: name of the parameter.
+        bounds: bounds by parameter name, in SI or as strings.
+        along: coordinate of the motion, a length or an angle, which determines units.
 
     Raises:
         QuantityError: the parameter starts at zero without bounds and its size is unknown, or the bounds are
@@ -120,8 +135,8 @@ def parameter(model: Any, name: str, bounds: Bounds, along: Coordinate = LENGTH)
 
 
 def _typical(law: Any, unit: str) -> float:
-    """Return the typical size of a force or damping whose initial value is zero, from the law's force; 0 if
-    it is unknown."""
+    """Return the typical size of a force (unit "N") or damping ("N s/m") whose initial value is zero, SI,
+    from the law's Coulomb force; 0 for other units or if the law has no such force."""
     fields = law._asdict()
     force = float(np.max(fields.get("coulomb_force", fields.get("strength", 0.0))))
     return {"N": force, "N s/m": force / TYPICAL_SPEED}.get(unit, 0.0)
@@ -139,8 +154,8 @@ def check_motion(model: Any, unit: str) -> None:
 
 
 def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
-    """Return the model's value of one of `free_names`, and its quantity (unit, bounds); None as the quantity
-    of a ratio."""
+    """Return the model's value, SI, of one of `free_names`, and its `Quantity` (unit, limits); a ratio such
+    as "stiction_ratio" has None instead."""
     law = law_of(model)
     element, ratio = element_of(law, name), ratios_of(law).get(name)
     if ratio is not None and name not in law._fields:
@@ -153,8 +168,14 @@ def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
 
 
 class Said(NamedTuple):
-    """Settings of a fit's parameters: names of the `free` ones, and their bounds, priors and ties by name;
-    `values` are the initial values of parameters that were given as a `Parameter`."""
+    """Settings of a fit's parameters.
+
+    Attributes:
+        free: names of the free parameters.
+        bounds, priors: bounds and priors by name.
+        tied: expressions of tied or fixed parameters by name.
+        values: initial values, SI, of parameters that were given as a `Parameter`.
+    """
 
     free: list[str]
     bounds: dict[str, Any]
@@ -170,7 +191,12 @@ def said_of(
     priors: Bounds | None = None,
     tied: Mapping[str, str] | None = None,
 ) -> Said:
-    """Collect the settings of all parameters, whether given by name or in a `Parameter`.
+    """Return the settings of all parameters, whether given by name or in a `Parameter`.
+
+    Args:
+        free: names, or `Parameter` objects, which contain initial value, bounds, prior and tie.
+        known: values of the model with their units.
+        bounds, priors, tied: settings of parameters by name.
 
     Raises:
         QuantityError: a `Parameter` has another unit than the model's, only one bound, or settings that are
@@ -212,14 +238,21 @@ def _say(said: Said, p: Parameter, known: NamedValues) -> None:
 
 
 class NamedValues(NamedTuple):
-    """Values of a model, free or not, by name, each with its unit."""
+    """Values of a model with their units: all `names`, and a function `of` that takes a name and returns
+    value and unit."""
 
     names: Sequence[str]
     of: Callable[[str], tuple[float, str]]
 
 
 def known_of(model: Any, others: Mapping[str, tuple[float, str]], along: Coordinate = LENGTH) -> NamedValues:
-    """Return the known values of a model by name, and other values; `others` are values with their units."""
+    """Return the values of a model's `free_names`, and further values, with their units.
+
+    Args:
+        model: actuator or friction law.
+        others: further values with their units by name, such as the channel's delay.
+        along: coordinate of the motion, a length or an angle, which determines units.
+    """
 
     def of(name: str) -> tuple[float, str]:
         if name in others:
@@ -235,9 +268,9 @@ def beside(free: Sequence[str], tied: Mapping[str, str], known: NamedValues) -> 
     expressions.
 
     Args:
-        free: names of those that are searched for.
-        tied: expression of each tied one, see `estimate.tied`.
-        known: all values that an expression may name; those neither free nor tied are constant.
+        free: names of the free parameters.
+        tied: expression of each tied parameter by name, see `estimate.tied`.
+        known: all values that an expression may contain; values that are neither free nor tied are constant.
 
     Raises:
         QuantityError: a name is unknown, or free and tied at once; or an expression cannot be read.
@@ -263,7 +296,8 @@ def beside(free: Sequence[str], tied: Mapping[str, str], known: NamedValues) -> 
 
 
 def with_ties(parameters: Sequence[Parameter], tied: Mapping[str, str] | None) -> list[Parameter]:
-    """Return the parameters of a fit in their order, with the expressions of those that are tied.
+    """Return the parameters of a fit in their order, those in `tied` (expressions by name) as tied
+    parameters.
 
     Raises:
         QuantityError: see `beside`.
@@ -285,8 +319,8 @@ def with_prior(p: Parameter, priors: Bounds) -> Parameter:
 
 
 def check_priors(priors: Bounds, free: Sequence[str], noise: float | None, what: str) -> None:
-    """Raise QuantityError unless each prior belongs to a free parameter and the noise is known; `what` names
-    the noise in the message."""
+    """Raise QuantityError if a prior belongs to no free parameter, or if there are priors but no given noise
+    (`noise` is None); `what` names the noise in the message."""
     for name in priors:
         if name not in free:
             raise QuantityError(f"there is a prior for {name!r}, which is not free{did_you_mean(name, free)}")
@@ -302,8 +336,14 @@ def linear(
     bounds: Bounds,
     limits: tuple[float, float] = (-math.inf, math.inf),
 ) -> Parameter:
-    """Return a parameter with a linear scale, within its bounds. Without bounds it is searched between `ends`
-    first, and then within `limits`."""
+    """Return a fit parameter with a linear scale; `start` is moved into its bounds.
+
+    Args:
+        name, unit, start: name, unit and initial value, SI.
+        ends: first search range, if `bounds` has no bounds for it.
+        bounds: bounds by parameter name, in SI or as strings.
+        limits: limits of the search beyond `ends`.
+    """
     found = SearchRange.of(bounds, name)
     given = given_bounds(bounds, name, unit) if found is None else None
     if given is not None:
@@ -314,8 +354,11 @@ def linear(
 
 
 def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
-    """Return the bounds of one parameter in SI, or None; raise QuantityError unless the lower bound comes
-    first."""
+    """Return the bounds (lower, upper) of one parameter, converted to SI; None if it has none.
+
+    Raises:
+        QuantityError: the lower bound is not below the upper one, or a bound has a wrong unit.
+    """
     given = bounds.get(name)
     if given is None or (isinstance(given, LinearBounds) and given == LinearBounds()):
         return None

@@ -1,10 +1,11 @@
-"""Uncertainty from recorded quantities that a fit takes as exact: converter or encoder steps and noise.
+"""Uncertainty of a fit from converter or encoder steps, or noise, of recorded quantities that it takes as
+exact.
 
-More samples do not average steps away, and noise biases what follows from the quantity. Samples at a single
-level only show that the quantity is within half a step of it. So each level is moved at random by up to half
-a step, and each sample by as much noise as it has. The effect on the fit, linearised, is added to its
-uncertainty. The common effect of all draws (such as small reversals that noise adds to a motion) is a bias;
-it is added as a standard error.
+More samples do not average steps away, and noise of an input biases the fit. All samples at one converter
+level have the same unknown error of up to half a step. So each level is moved at random by up to half a step
+or, without steps, each sample by its noise. The effect on the fit, linearised, is added to its uncertainty.
+The mean effect of all draws is a bias (noise adds small reversals to a motion, for example); it is added as a
+standard error.
 """
 
 from __future__ import annotations
@@ -23,17 +24,19 @@ from ..recording.noise import noise_level
 from .recorded.known_noise import LEAST_STEP, SIMULATED
 from .recorded.levels import converter_step
 
-# Number of random draws of all levels, and the share of a variance above which the effect is reported.
+# Number of random draws; and share of a parameter's variance that comes from steps or noise of the inputs,
+# above which the fit gets a remark.
 DRAWS, WORTH_SAYING = 24, 0.1
-# Orders of the differences that show noise: higher orders remove smooth motion better if samples are coarse.
+# Orders of the differences of samples from which noise is estimated; the smallest estimate counts. Higher
+# orders remove smooth motion better if it is sampled coarsely.
 ORDERS = (4, 6, 8)
 
 Array = NDArray[np.float64]
 
 
 class Inexact(NamedTuple):
-    """A recorded quantity: samples [n], the `step` between their levels (0: none), and the standard deviation
-    of their `noise`, in their unit."""
+    """A recorded quantity that a fit takes as exact: samples `values` [n], the `step` between converter
+    levels (0: none), and the standard deviation of white `noise` (0: none), all in the same unit."""
 
     values: Array
     step: float = 0.0
@@ -41,8 +44,8 @@ class Inexact(NamedTuple):
 
     @classmethod
     def seen(cls, values: Array, *, noisy: bool = True) -> Inexact:
-        """Return the quantity with the steps that its samples show or, if it may be `noisy` and has none,
-        with their white noise."""
+        """Return the quantity with the converter step or the white noise that its samples show, whichever is
+        larger; without noise if `noisy` is False."""
         step, noise = (
             converter_step(values),
             min(noise_level(values, order) for order in ORDERS) if noisy else 0.0,
@@ -50,7 +53,8 @@ class Inexact(NamedTuple):
         return cls(values, 0.0, noise) if noise > step else cls(values, step)
 
     def drawn(self, random: np.random.Generator) -> Array:
-        """Return samples moved at random by steps and noise, shape (draws, n)."""
+        """Return copies of the samples moved at random, shape (draws, n): each level by up to half a step or,
+        without steps, each sample by noise."""
         if self.step > 0.0:
             levels, place = np.unique(self.values, return_inverse=True)
             half = 0.5 * self.step
@@ -59,8 +63,14 @@ class Inexact(NamedTuple):
 
 
 def moved_by(known: Sequence[Inexact], residuals: Callable[[Sequence[Array]], Array]) -> Array | None:
-    """Return the changes of all residuals of a fit, joined, for random draws of the quantities, shape (draws,
-    n); None if all are exact. `residuals` computes them from other samples."""
+    """Return the changes of a fit's residuals by random draws of the quantities, shape (draws, n); None if
+    all quantities are exact.
+
+    Args:
+        known: recorded quantities.
+        residuals: function that takes the samples of each quantity and returns the residuals of all
+            recordings, shape (n,).
+    """
     if not any(one.step or one.noise for one in known):
         return None
     random = np.random.default_rng(0)
@@ -70,8 +80,8 @@ def moved_by(known: Sequence[Inexact], residuals: Callable[[Sequence[Array]], Ar
 
 
 def with_moved(fit: Fit, moved: Array | None, said: str) -> Fit:
-    """Return the fit with the uncertainty of the moved residuals added, and with the remark `said` if that is
-    a large part."""
+    """Return the fit with the uncertainty added that follows from the residual changes `moved` (from
+    `moved_by`), and with the remark `said` if that is a large part; unchanged if `moved` is None."""
     if fit.jacobian is None or moved is None:
         return fit
     wider = with_inherited(fit, moved.T, np.eye(DRAWS) / DRAWS)
@@ -81,8 +91,14 @@ def with_moved(fit: Fit, moved: Array | None, said: str) -> Fit:
 
 
 def said_steps(what: str, known: Sequence[Inexact], unit: str) -> str:
-    """Return a sentence that the intervals allow for steps (of a converter or of simulations) or noise of a
-    quantity."""
+    """Return the sentence that the intervals allow for the steps or noise of a recorded or simulated
+    quantity.
+
+    Args:
+        what: name of the quantity.
+        known: its samples in each recording.
+        unit: unit of the quantity.
+    """
     step, noise = (max(getattr(one, name) for one in known) for name in ("step", "noise"))
     if step == LEAST_STEP:
         return f"{what} is simulated to within {with_prefix(SIMULATED, unit, 3)}; the intervals allow for it"

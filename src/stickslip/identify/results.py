@@ -1,4 +1,4 @@
-"""Actuators, piezos and chains of instruments as numbers for results.json, and back."""
+"""Conversion of actuators, piezos and signal chains to numbers with units for results.json, and back."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from ..recording.chain import Chain
 
 
 def model_numbers(model: Actuator) -> dict[str, Any]:
-    """Return all fields of an actuator for results.json; `model_of` restores the actuator.
+    """Return the fields of an actuator as dictionaries of value and unit for results.json; `model_of`
+    restores the actuator.
 
-    Infinite fields, which are the defaults, are left out.
+    Fields without a finite value, which are defaults, are left out.
     """
     found = {
         "actuator": _fields(model),
@@ -35,7 +36,8 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
 
 
 def piezo_numbers(piezo: Piezo) -> dict[str, Any]:
-    """Return hysteresis and creep of a piezo for results.json."""
+    """Return type and values of a piezo's hysteresis and creep models for results.json; parts that it lacks
+    are left out."""
     return {
         part: {**registry.piezos.written(type(one)), "values": _fields(one)}
         for part, one in piezo._asdict().items()
@@ -60,8 +62,8 @@ def chain_numbers(chain: Chain) -> dict[str, Any]:
 
 
 def chain_of(numbers: Mapping[str, Any]) -> Chain:
-    """Return the chain of instruments from numbers in results.json; from a fit of walks, its delay and
-    offset."""
+    """Return the signal chain in the numbers of results.json; if they are of a fit of walks, a chain with its
+    delay and offset."""
     if "signal_chain" in numbers:
         return _made(Chain, numbers["signal_chain"], "signal_chain")
     known = _entries(numbers.get("parameters", {}), "parameters")
@@ -84,7 +86,7 @@ def _written(known: Mapping[str, Quantity], values: Mapping[str, Any]) -> dict[s
 
 
 def model_of(numbers: Mapping[str, Any]) -> Actuator:
-    """Return the actuator of `model_numbers`, read from results.json: the inverse of the function.
+    """Return the actuator that `model_numbers` wrote, from the numbers read from results.json.
 
     Raises:
         QuantityError: the numbers are not of an actuator, or a field is missing, out of range, or in a unit
@@ -105,7 +107,15 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
 
 
 def _made(record_type: Any, fields: Any, where: str, turns: bool = False, **given: Any) -> Any:
-    """Return a record from the fields that `_fields` wrote; fields that it always writes must be present."""
+    """Return a record of a type from the values and units that `_fields` wrote.
+
+    Args:
+        record_type: class of the record.
+        fields: values and units by name; all with finite defaults must be present.
+        where: place in the file for messages.
+        turns: True for a rotary actuator, with angles and torques.
+        given: further fields of the record.
+    """
     entries = _entries(fields, where)
     for name, default in _written(quantities(record_type), record_type._field_defaults).items():
         if name not in entries:

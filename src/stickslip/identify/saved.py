@@ -1,4 +1,4 @@
-"""Fits in files: save them as JSON and load them again."""
+"""Saving of complete fits as JSON files, and loading."""
 
 from __future__ import annotations
 
@@ -47,7 +47,8 @@ _TYPES: tuple[type, ...] = (
 
 
 def saved_types() -> dict[str, type]:
-    """Return the records that fits are made of, by name."""
+    """Return the types of records that a saved fit may contain, by name: the fit, its parts, and the
+    package's friction laws and piezo models."""
     return {one.__name__: one for one in _TYPES} | registry.laws.packaged() | registry.piezos.packaged()
 
 

@@ -1,10 +1,10 @@
-"""Effect of scale errors of channels on fitted values: systematic errors.
+"""Systematic errors of fitted values from scale errors of the recorded channels.
 
-A sensor whose scale is wrong by a share s shows (1 + s) times the motion. Least squares then give other
-values; the change is linearised, as for all quantities that a fit takes as known (`estimate.moves`). Values
-identified earlier through the same sensor, such as those of a stage, change with it. If nothing else is known
-in the sensor's unit, each value changes by the power with which that unit enters its own: a gain in m/V or a
-force by s, a damping ratio not at all.
+A sensor with the relative scale error s shows (1 + s) times the motion. Least squares then give other values;
+their change is linearised, as for all quantities that a fit takes as known (`estimate.moves`). Values
+identified earlier with the same sensor, such as those of a stage, have the same scale error. If no other
+known quantity has the sensor's unit, the relative change of a value is s times the power of this unit in its
+own unit: s for a gain in m/V or a force, 0 for a damping ratio.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DRIVE = "drive_voltage"
-DIFFERENCE = 1e-3  # relative change of a scale for numerical derivatives
+DIFFERENCE = 1e-3  # relative change of a channel's scale for numerical derivatives
 
 Array = NDArray[np.float64]
 
@@ -51,10 +51,12 @@ def model_values(fit: Fit) -> Array:
 
 
 class ByKnown(NamedTuple):
-    """Derivatives of the residuals of a fit, joined over its recordings.
+    """Derivatives of a fit's residuals by quantities that it took as known, each of shape (samples of all
+    recordings,).
 
-    Fields: `inputs`, by the logarithm of the scale of each channel that the model takes as known; `by_stage`,
-    by the coordinates of values from an earlier fit.
+    Attributes:
+        inputs: derivatives by the logarithm of the scale of each input channel, by the name of the channel.
+        by_stage: derivatives by the coordinates q of values from an earlier fit, by the name of the value.
     """
 
     inputs: Mapping[str, Array]
@@ -68,16 +70,17 @@ def with_scales(
     stage: Fit | None = None,
     known: str = DRIVE,
 ) -> Fit:
-    """Return the fit with the systematic errors from the scales of its channels, and from those of the
-    stage's fit.
+    """Return the fit with its systematic errors: from the scales of its own channels, and of those of an
+    earlier fit.
 
     Args:
-        fit: complete fit to the channel `observed`.
-        recordings: recordings of the fit; a variable's attribute `scale_uncertainty` is the relative
+        fit: complete fit to the channel `fit.observed`.
+        recordings: recordings of the fit; a variable's attribute `scale_uncertainty` is the relative standard
             uncertainty of its scale.
-        derivatives: function of the fit, called if any scale has an uncertainty.
-        stage: earlier fit of the values that are taken as known.
-        known: name of the channel that the model takes as exact.
+        derivatives: function that returns the derivatives of the fit's residuals; it is called only if any
+            scale has an uncertainty.
+        stage: earlier fit whose values this fit took as known or as a prior; None: there is no such fit.
+        known: name of the input channel, which the model takes as exact.
     """
     shares = {
         cause_of(name): share
@@ -105,8 +108,11 @@ def with_scales(
 
 
 def by_prediction(recordings: Sequence[xr.Dataset], name: str) -> Callable[[Fit], ByKnown]:
-    """Return the function `derivatives` for `with_scales`, by differences of predictions with a changed scale
-    of a channel."""
+    """Return a function `derivatives` for `with_scales`.
+
+    It computes the derivative by the scale of channel `name` from predictions of the recordings with this
+    channel multiplied by 1 - 1e-3 and 1 + 1e-3.
+    """
 
     def of(fit: Fit) -> ByKnown:
         assert fit.predict is not None
@@ -120,10 +126,16 @@ def by_prediction(recordings: Sequence[xr.Dataset], name: str) -> Callable[[Fit]
 
 
 def moved(fit: Fit, column: Array, known: Mapping[str, float]) -> dict[str, float]:
-    """Return how the fitted coordinates q change with a quantity that changes the residuals by `column`.
+    """Return the changes of the fitted coordinates q, by parameter name, if a known quantity changes the
+    residuals.
 
-    Coordinates in `known` change as given there, those at a bound stay, and the others follow by least
-    squares.
+    Coordinates in `known` change by the values given there, coordinates at a bound do not change, and all
+    others follow by least squares. Changes that are not finite are left out.
+
+    Args:
+        fit: fit with its Jacobian.
+        column: change of the residuals, in the unit of the data, shape (n,).
+        known: given changes of coordinates by name.
     """
     rows, target = tangent(fit), over_noise(fit, column[:, None])[:, 0]
     fixed = {i: known[p.name] for i, p in enumerate(fit.parameters) if p.name in known}

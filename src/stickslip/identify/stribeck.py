@@ -27,10 +27,10 @@ from .free import with_ties
 
 Array = NDArray[np.float64]
 
-TRIALS = 60  # number of Stribeck velocities over the range of the points that are tried as initial guess
-LEAST_EXCESS = 1e-3  # relative to the largest force: smallest initial guess of the excess of stiction
-FALSE_ALARM = 0.01  # probability that noise shows such a fall of friction; above it the fall is doubted
-NEAR_ENDS = 3.0  # a Stribeck velocity within this factor of the slowest or fastest point is uncertain
+TRIALS = 60  # number of Stribeck velocities, over the range of the points, that are tried as initial guess
+LEAST_EXCESS = 1e-3  # smallest initial guess of stiction minus Coulomb friction, over the largest force
+FALSE_ALARM = 0.01  # p-value of the fall of friction with speed above which the fit doubts the fall
+NEAR_ENDS = 3.0  # factor to the slowest or fastest point, within which a Stribeck velocity is uncertain
 UNPREDICTED = "it is of points of steady friction; its model is the law (fit.model) that a simulation takes"
 
 
@@ -48,7 +48,7 @@ def identify_stribeck(
 
     Args:
         velocity: m/s (rad/s), of both signs or of one, shape (n,). Points at rest are left out.
-        force: N (N m), friction at that velocity, shape (n,): of the sign of the velocity.
+        force: N (N m), mean friction force at each velocity, shape (n,), with the sign of the velocity.
         deviation: standard deviation of each force, same unit; by default all are equal, and estimated from
             the residuals.
         exponent: exponent of the Stribeck curve; None: fit it as well.
@@ -119,8 +119,12 @@ def identify_stribeck(
 def _points(
     velocity: ArrayLike, force: ArrayLike, deviation: ArrayLike | None
 ) -> tuple[Array, Array, Array | None, tuple[str, ...]]:
-    """Return velocity, force and deviations of the points with a velocity, and a sentence on those at
-    rest."""
+    """Return velocity, force and deviation (None if not given) of the points in motion, shape (n,) each, and
+    remarks: a sentence on points at rest that are left out, if any.
+
+    Raises:
+        FitError: the points are unsuitable, see `identify_stribeck`.
+    """
     v, f = np.asarray(velocity, float), np.asarray(force, float)
     if v.ndim != 1 or v.shape != f.shape:
         raise FitError(f"velocity {v.shape} and force {f.shape} must be one value each per point")
@@ -155,10 +159,18 @@ def _curve(v: Array, values: dict[str, Any]) -> Array:
 def _start(
     v: Array, f: Array, noise: Array | None, exponent: float, offset: bool
 ) -> tuple[tuple[float, float, float, float], float]:
-    """Return the initial guess (Coulomb friction, excess of stiction, viscous friction, Stribeck velocity)
-    and the force offset, for velocities v [m/s] and forces f [N].
+    """Return the initial guess and the force offset [N].
 
-    Each of several Stribeck velocities is tried with the best non-negative forces; the best is returned.
+    The guess is Coulomb friction [N], stiction minus Coulomb friction [N], viscous friction [N s/m], and
+    Stribeck velocity [m/s]. Each of several Stribeck velocities is tried with the non-negative forces that
+    fit best.
+
+    Args:
+        v: velocities, m/s.
+        f: forces, N.
+        noise: standard deviation of each force, N; None: equal.
+        exponent: exponent of the Stribeck curve.
+        offset: True: the force has an offset.
     """
     weight = np.ones(v.size) if noise is None else 1.0 / noise
     trials = np.geomspace(np.abs(v).min(), np.abs(v).max(), TRIALS)
@@ -178,8 +190,16 @@ def _start(
 
 
 def _chance(v: Array, f: Array, noise: Array | None, offset: bool, left: Array) -> float:
-    """Return the probability that noise lowers the sum of squares as much as the fall of friction with speed
-    did."""
+    """Return the p-value of an F-test of the fall of friction with speed: the probability that noise alone
+    lowers the sum of squares as much as the two parameters of the fall did.
+
+    Args:
+        v: velocities, m/s.
+        f: forces, N.
+        noise: standard deviation of each force, N; None: equal.
+        offset: True: the force has an offset.
+        left: residuals of the fit of the Stribeck curve, N.
+    """
     weight = np.ones(v.size) if noise is None else 1.0 / noise
     columns = np.stack([np.sign(v), v, *([np.ones(v.size)] if offset else [])], axis=1) * weight[:, None]
     without = f * weight - columns @ np.linalg.lstsq(columns, f * weight, rcond=None)[0]
@@ -197,8 +217,8 @@ def _unseen(chance: float) -> tuple[str, ...]:
 
 
 def _doubts(law: Stribeck, slowest: float, fastest: float) -> tuple[str, ...]:
-    """Return sentences on a Stribeck velocity that is near or beyond the slowest or fastest measured speed
-    [m/s]."""
+    """Return a tuple with one sentence if the Stribeck velocity is near or beyond the slowest or fastest
+    measured speed [m/s]; otherwise an empty tuple."""
     if law.stribeck_velocity < NEAR_ENDS * slowest and law.stiction_force > law.coulomb_force:
         return (
             f"the friction falls below {NEAR_ENDS * slowest:.3g} m/s, where there are hardly any points: "

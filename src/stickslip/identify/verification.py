@@ -32,9 +32,9 @@ from .walk.prediction import Predictor
 
 
 class Requirement(NamedTuple):
-    """Requirement on every recording: a column of `Verification.table`, and its limit in SI.
+    """Limit, in SI, of a figure of merit (a column of `Verification.table`) for every verified recording.
 
-    `unit` is the unit of the limit as given, m or rad; None for a plain number.
+    `relation` is ">", ">=", "<" or "<="; `unit` is the limit's unit, m or rad, and None for a plain number.
     """
 
     figure: str
@@ -44,8 +44,8 @@ class Requirement(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Requirement:
-        """Return the requirement in a text such as "r_squared > 0.99", "rmse <= 100 nm", "net_step_error < 2
-        %".
+        """Return the requirement in a text such as "r_squared > 0.99", "rmse <= 100 nm" or "net_step_error <
+        2 %".
 
         Raises:
             QuantityError: the text has another form, or the unit is wrong or missing.
@@ -70,11 +70,12 @@ class Requirement(NamedTuple):
         return cls(figure, relation, to_si(limit, unit, figure), unit or None)
 
     def met(self, value: float) -> bool:
-        """Return True if a value fulfils the requirement; False for NaN."""
+        """Return True if a value, SI, fulfils the requirement; False for NaN."""
         return bool(_RELATIONS[self.relation](value, self.limit))
 
     def broken(self, value: float, unit: str | None = None) -> str:
-        """Return a sentence on a value and its limit, with units and enough digits to distinguish them."""
+        """Return the sentence that a value (SI) violates the limit, with enough digits to distinguish both;
+        `unit` is the unit of the value, by default that of the figure."""
         own = FIGURES[self.figure] if unit is None else unit
         ends = [[self._shown(x, own, digits) for x in (value, self.limit)] for digits in (5, 7, 9, 12)]
         apart = next((pair for pair in ends if pair[0] != pair[1]), ends[-1])
@@ -97,7 +98,7 @@ FIGURES = {
     "largest_error": "m",
     "net_step_error": "",
 }
-# Share of the rms error that is its mean, above which the error is called constant.
+# Largest standard deviation of a residual, relative to its rms, at which the residual is called an offset.
 MOSTLY = 0.5
 _WHY_NOT = {
     "r_squared": "what was measured is constant",
@@ -112,12 +113,13 @@ class Verification:
     """Comparison of a model's predictions with recordings.
 
     Attributes:
-        observed: name of the channel.
-        unit: its unit.
-        recordings: goodness of fit of each recording.
-        steps: net step per period of each, measured and predicted; NaN where the drive does not repeat.
-        predictions: for each recording, a dataset with measured, predicted and residual (predicted minus
-            measured).
+        observed: name of the predicted channel.
+        unit: unit of the channel.
+        recordings: goodness of the prediction of each recording.
+        predictions: for each recording, a dataset over "time" with measured, predicted and residual
+            (predicted minus measured).
+        steps: net step per period of each recording, measured and predicted; NaN where the drive does not
+            repeat.
         lacks: comparison of each residual with the recording's noise, see `lack_of_fit`.
         remarks: sentences on recordings without separate noise, and on those that differ by a constant.
         unexplained: sentences on recordings without separate noise whose residual exceeds their white noise
@@ -155,11 +157,11 @@ class Verification:
 
     @property
     def table(self) -> xr.Dataset:
-        """Return r_squared, rmse, residual_over_noise, largest_error, net_step, net_step_error and n_data
-        over "recording".
+        """Return a dataset over "recording" with r_squared, rmse, residual_over_noise, largest_error,
+        net_step, net_step_error and n_data.
 
-        net_step_error is the relative error abs(predicted/measured - 1). residual_over_noise is NaN if the
-        noise is not known separately.
+        net_step is the measured step per period, and net_step_error the relative error abs(predicted/measured
+        - 1). residual_over_noise is NaN if the noise is not known independently of the residuals.
         """
         errors = [float(np.max(np.abs(p["residual"].values))) for p in self.predictions]
         columns = {
@@ -183,7 +185,7 @@ class Verification:
         recording has one.
 
         Raises:
-            QuantityError: a requirement is in m and the positions are in rad, or the reverse.
+            QuantityError: a requirement is in another unit than the channel, such as m instead of rad.
         """
         table = self.table
         sentences = []
@@ -203,7 +205,8 @@ class Verification:
         return sentences
 
     def report(self) -> str:
-        """Return a text table with one line for each recording and one for all."""
+        """Return a text table with one line for each recording and, if there are several, one for all; then
+        statements and remarks."""
         width = max(len("recording"), *(len(g.name) for g in self.recordings))
         lines = [
             f"prediction of {self.observed} [{self.unit}]",
@@ -228,7 +231,8 @@ class Verification:
     _repr_html_ = preformatted
 
     def to_dict(self) -> dict[str, Any]:
-        """Return every number with its unit, ready for JSON; None if r^2 does not exist."""
+        """Return the figures of merit and the statements for JSON; numbers that do not exist (r^2 of a
+        constant, a net step) are None."""
         return {
             "observed": self.observed,
             "unit": self.unit,
@@ -262,12 +266,13 @@ def _finite(number: float) -> float | None:
 
 
 def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: Any) -> float:
-    """Return the displacement per period of a repeated drive, m; NaN with fewer than two periods.
+    """Return the net displacement per period of a repeated drive, in the unit of the position; NaN with fewer
+    than two periods.
 
-    It is the mean position over the last period minus that over the second, divided by the number of periods
-    between them. With only two periods the first is used, although it starts at rest. All samples count;
-    peaks [kang2007, appendix 9] would add the noise to the displacement. For a sequence of drives, the first
-    periodic part counts.
+    The net displacement is the mean position over the last period minus the mean over the second, divided by
+    the number of periods between them. With only two periods the first is used, although it starts at rest.
+    Means use all samples; differences of peaks [kang2007, appendix 9] would contain the noise of single
+    samples. For a sequence of drives, the first periodic part counts; `drive` is in the time of the samples.
     """
     begin, periodic = periodic_part(drive)
     if periodic is None:
@@ -285,7 +290,7 @@ def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: An
     return (mean(begin + (count - 1) * period) - mean(begin + first * period)) / (count - 1 - first)
 
 
-# Name of the observed values for each unit.
+# Names of observed values in messages, by unit.
 _KINDS = {"m": "positions", "rad": "positions", "N": "forces", "N m": "torques"}
 
 
@@ -295,8 +300,9 @@ def _unjudged(
     measured: Sequence[NDArray[np.float64]],
     doubts: Sequence[str],
 ) -> tuple[list[str], list[str]]:
-    """Return two lists of sentences on recordings that show their noise neither at rest nor between periods,
-    and whose residuals exceed their white noise: remarks, and those that also contradict the model."""
+    """Return two lists of sentences on recordings whose noise is not known independently and whose residuals
+    exceed their white noise: a remark on each; and a statement on those that the model does not explain,
+    because the fit has `doubts` or, for forces, the residual is a too large share of the range."""
     remarks, unexplained = [], []
     for lack, good, x in zip(lacks, goods, measured, strict=True):
         words = (good.name, good.unit, _KINDS.get(good.unit, "values"), "the model does not explain it")
@@ -312,7 +318,8 @@ def _unjudged(
 
 
 def _said_offsets(goods: Sequence[Goodness], left: Sequence[NDArray[np.float64]]) -> list[str]:
-    """Return a sentence on each recording whose residual is mostly a constant."""
+    """Return a sentence on each recording whose residual (predicted minus measured, `left`) is mostly a
+    constant offset."""
     said = []
     for good, r in zip(goods, left, strict=True):
         if float(r.std()) < MOSTLY * good.rmse:
@@ -330,7 +337,7 @@ def verify(
     *,
     drive: Any | Sequence[Any] | None = None,
 ) -> Verification:
-    """Compare recordings with the predictions of a fitted model; nothing is fitted again.
+    """Compare recordings with the predictions of a fitted model, without fitting again.
 
     Args:
         fit: result of an identification that builds a model, or a `Predictor`.
