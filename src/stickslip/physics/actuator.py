@@ -51,12 +51,12 @@ Damping = Annotated[float, Quantity("N s/m", "c", "damping", minimum=0)]
 Force = Annotated[float, Quantity("N", "F_ext", "external force on the end-effector, positive towards +x")]
 
 
-# Properties of both systems, copied into each class by name, because a NamedTuple cannot have a second base
-# class.
+# Properties of both systems. Each class refers to these functions by name, because a NamedTuple cannot
+# inherit from a second base class.
 
 
 def _source(system: Any) -> ParameterSet | None:
-    """Return the parameter set from which the values come; None for values given by hand, or if the file no
+    """Return the parameter set from which the values of a system come; None if it has no name, or the file no
     longer exists."""
     try:
         return load_kind(system.name, _KINDS[type(system)]) if system.name else None
@@ -66,14 +66,16 @@ def _source(system: Any) -> ParameterSet | None:
 
 @property
 def _assumptions(self: Any) -> dict[str, str]:
-    """Return the values that the source does not print, by field: the value and the reason for it."""
+    """Return the values that the source does not print, by field: each with the reason for the assumed value.
+    Empty without a parameter set."""
     parameters = _source(self)
     return assumptions(self, _built(type(self), parameters), parameters) if parameters else {}
 
 
 @property
 def _citation_keys(self: Any) -> tuple[str, ...]:
-    """Return the keys of the sources: of the parameter set (without one, of the model) and of the law."""
+    """Return the bibliography keys of the sources: of the parameter set (or else of the model), and of the
+    friction law."""
     parameters = _source(self)
     keys = parameters.citations if parameters else citation_keys(type(self))
     return tuple(dict.fromkeys((*keys, *citation_keys(self.friction))))
@@ -81,7 +83,8 @@ def _citation_keys(self: Any) -> tuple[str, ...]:
 
 @property
 def _citation(self: Any) -> str:
-    """Return BibTeX of the sources, with comments on values that they do not print and on later changes."""
+    """Return BibTeX of the sources, with comments on assumed values and on values that were changed since
+    loading."""
     parameters = _source(self)
     lines = [bibtex(*self.citation_keys), ""]
     if parameters is None:
@@ -175,8 +178,7 @@ class Actuator(NamedTuple):
             )
 
     def _check_stage(self) -> None:
-        """Raise QuantityError for further modes, or an electrical side of the piezo, that do not fit this
-        stage."""
+        """Raise QuantityError if further modes or a `MaxwellCapacitor` do not fit this stage."""
         modes = self.further_modes
         if modes is not None and self.static:
             raise QuantityError("Actuator.further_modes need a finite natural_frequency [rad/s] of the first")
@@ -187,7 +189,7 @@ class Actuator(NamedTuple):
             )
 
     def replace(self, **changes: Any) -> Actuator:
-        """Return the same actuator with some fields changed; unit strings are accepted as for
+        """Return a copy of the actuator with some fields changed; unit strings are accepted as for
         construction."""
         return self._replace(**changes)
 
@@ -199,8 +201,8 @@ class Actuator(NamedTuple):
 
     @property
     def two_port(self) -> MaxwellCapacitor | None:
-        """Return the piezo's two-port model (voltage and charge, force and displacement); None if it has no
-        such model."""
+        """Return the piezo model with an electrical side (voltage and charge, force and displacement); None
+        for any other piezo."""
         hysteresis = self.piezo.hysteresis if isinstance(self.piezo, Piezo) else None
         return hysteresis if isinstance(hysteresis, MaxwellCapacitor) else None
 
@@ -214,8 +216,8 @@ class Actuator(NamedTuple):
 
     @property
     def stiffening(self) -> float:
-        """Return the stiffness of the stage under the commanded quantity relative to that at constant
-        voltage: 1 + κ for a commanded charge."""
+        """Return the stiffness of the stage under its drive relative to that at constant voltage: 1 + κ (see
+        `coupling`) if the drive commands the charge, otherwise 1."""
         return 1.0 + self.coupling if self.two_port is not None and self.two_port.charge_drive else 1.0
 
     @property
@@ -232,8 +234,9 @@ class Actuator(NamedTuple):
 
     @property
     def drive_force_per_volt(self) -> float:
-        """Return the force of the blocked piezo per volt, T = C k [N/V]; for a static stage E [kang2007, eq.
-        1.2].
+        """Return the force of the blocked piezo per volt, N/V: T = C k; for a static stage the field
+        `blocked_force_per_volt` [kang2007, eq. 1.2].
+
 
         Raises:
             QuantityError: the stage is static and `blocked_force_per_volt` is not known.
@@ -250,8 +253,9 @@ class Actuator(NamedTuple):
         return self.external_force - self.end_effector_mass * STANDARD_GRAVITY * np.sin(self.incline)
 
     def state_space(self) -> StateSpace:
-        """Return the stage as a linear system from voltage [V] to position [m], without contact, hysteresis
+        """Return the linear model of the stage from voltage [V] to position [m], without contact, hysteresis
         and creep.
+
 
         It has a pair of states (m, m/s) for each mode; a static stage has only a gain. A commanded charge
         makes the stage stiffer by its `coupling`.
@@ -347,7 +351,8 @@ class PulledSlider(NamedTuple):
         _check_friction(self)
 
     def replace(self, **changes: Any) -> PulledSlider:
-        """Return the same slider with some fields changed."""
+        """Return a copy of the slider with some fields changed; unit strings are accepted as for
+        construction."""
         return self._replace(**changes)
 
 
@@ -366,7 +371,8 @@ def load_actuator(name: str | os.PathLike[str]) -> Actuator:
 
 
 def load_pulled_slider(name: str | os.PathLike[str]) -> PulledSlider:
-    """Return the pulled slider of a parameter set, as `load_actuator`."""
+    """Return the pulled slider of a parameter set, by its name or by the path of a file; see
+    `load_actuator`."""
     return _build(PulledSlider, name)
 
 

@@ -1,9 +1,9 @@
 r"""End stops with restitution for an end-effector, or for a pulled slider.
 
 An impact reverses the velocity v and reduces it, :math:`v^+ = -e\,v^-`, with the coefficient of restitution
-e. Position, deflections of the contact and the stage do not change in the instant. A body that has come to
-rest at a stop stays there while it is pushed towards the stop. The impact takes no time: a stop whose contact
-lasts as long as a period of the stage needs a stiffness, which this model does not have.
+e. Position, deflections of the contact, and the stage are unchanged by the impact. A body at rest at a stop
+stays there while it is pushed towards the stop. The impact takes no time. If a real impact lasts as long as a
+period of the stage, the stiffness of the stop matters, which this model does not have.
 """
 
 from __future__ import annotations

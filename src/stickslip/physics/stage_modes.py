@@ -32,6 +32,7 @@ class StageModes(NamedTuple):
 
     @property
     def rows(self) -> list[tuple[float, float, float, float]]:
-        """Return gain, natural frequency, damping ratio and mass of each mode."""
+        """Return a tuple per mode: gain [m/V], natural frequency [rad/s], damping ratio, and mass [kg]
+        (infinite if `mass` is empty)."""
         mass = self.mass or (math.inf,) * len(self.gain)
         return list(zip(self.gain, self.natural_frequency, self.damping_ratio, mass, strict=True))

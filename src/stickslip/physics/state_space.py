@@ -30,8 +30,8 @@ class StateSpace(NamedTuple):
     delay: float = 0.0
 
     def response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Return the frequency response C (jω - A)⁻¹ B + D with the delay at frequencies [Hz] (n,): shape (n,
-        outputs, inputs), m/V."""
+        """Return the frequency response C (jω - A)⁻¹ B + D, with the delay, at frequencies [Hz], shape (n,):
+        complex, m/V, shape (n, outputs, inputs)."""
         s = 2j * np.pi * np.atleast_1d(array_si(frequency, "Hz", "frequency"))
         found = np.broadcast_to(self.d.astype(complex), (s.size, *self.d.shape)).copy()
         if self.a.size:

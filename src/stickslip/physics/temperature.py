@@ -19,8 +19,8 @@ import numpy as np
 from ..quantities.records import Quantity
 from .actuator import Actuator
 
-THRESHOLDS = ((1.0, 49.0), (4.0, 44.0), (77.0, 30.0), (300.0, 22.0))  # K, V
-ROOM = THRESHOLDS[-1][0]  # K, temperature at which parameter sets hold
+THRESHOLDS = ((1.0, 49.0), (4.0, 44.0), (77.0, 30.0), (300.0, 22.0))  # temperature K, threshold voltage V
+ROOM = THRESHOLDS[-1][0]  # K, temperature at which the values of parameter sets are valid
 KELVIN = Quantity("K", "T", "temperature", minimum=THRESHOLDS[0][0], maximum=ROOM)
 
 
@@ -33,6 +33,11 @@ def stroke_factor(temperature: float | str) -> float:
 
 
 def at_temperature(actuator: Actuator, temperature: float | str) -> Actuator:
-    """Return the actuator with the stroke per volt at a temperature [K]; its own value holds at 300 K."""
+    """Return the actuator with its gain (stroke per volt) changed to that at a temperature [K]; the given
+    gain is that at 300 K.
+
+    Raises:
+        QuantityError: the temperature is outside 1 to 300 K.
+    """
     factor = stroke_factor(temperature)
     return actuator if factor == 1.0 else actuator.replace(gain=factor * actuator.gain)

@@ -23,9 +23,9 @@ from ...quantities.records import Quantity, record
 from ...quantities.units import QuantityError, to_si
 from .hertz import Modulus, Radius
 
-# m, range of the attraction: an atomic distance.
+# Default range z_0 of the attraction, m: an atomic distance.
 RANGE = 0.3e-9
-# Tabor's parameter between which neither limit holds.
+# Tabor's parameter up to which DMT holds (hard balls), and from which JKR holds (soft balls).
 HARD, SOFT = 0.1, 5.0
 
 
@@ -53,20 +53,20 @@ class AdhesiveBall(NamedTuple):
 
     @property
     def softness(self) -> float:
-        """Return 0 for DMT and 1 for JKR; in between, a linear function of the logarithm of Tabor's
-        parameter."""
+        """Return a weight between the limits: 0 for DMT (hard), 1 for JKR (soft). In between, it is linear in
+        the logarithm of Tabor's parameter."""
         if self.tabor <= HARD:
             return 0.0
         return min(math.log(self.tabor / HARD) / math.log(SOFT / HARD), 1.0)
 
     @property
     def pull_off(self) -> float:
-        """Return the pull-off force, N, negative."""
+        """Return the pull-off force, N, a negative normal force at which the contact separates."""
         return -(2.0 - 0.5 * self.softness) * math.pi * self.adhesion * self.radius
 
     @property
     def contact_radius(self) -> float:
-        """Return the contact radius a [m]; between the limits, the mean of both weighted by `softness`."""
+        """Return the contact radius a [m], the mean of those of both limits, weighted by `softness`."""
         pull, load = math.pi * self.adhesion * self.radius, self.normal_force
         dmt = max(load + 2.0 * pull, 0.0)
         jkr = load + 3.0 * pull + math.sqrt(max(6.0 * pull * load + 9.0 * pull**2, 0.0))

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...quantities.records import Quantity, record
 from ...quantities.units import QuantityError, array_si, to_si
 
-# Relative humidity: below the first, oxides do not age; between the second and third, they age strongly.
+# Relative humidity: below DRY, contacts of oxides do not age; from DAMP to WET, they age strongly.
 DRY, DAMP, WET = 0.01, 0.10, 0.40
 
 
@@ -34,7 +34,8 @@ class Ageing(NamedTuple):
     cut_off: Annotated[float, Quantity("s", "t_0", "time below which nothing ages", above=0)] = 1.0
 
     def stiction_ratio(self, rest: ArrayLike) -> NDArray[np.float64]:
-        """Return F_S/F_C after a rest [s], in its shape."""
+        """Return the static friction F_S relative to the Coulomb friction F_C after rests of given times [s],
+        in their shape."""
         time = array_si(rest, "s", "rest")
         if not np.all(time >= 0.0):
             raise QuantityError("rest [s] is out of range: it must be >= 0 s")
@@ -42,12 +43,13 @@ class Ageing(NamedTuple):
 
 
 def oxide_ageing(relative_humidity: float | str) -> str:
-    """Return the ageing of nanometre contacts of silica at a relative humidity.
-
-    One of "none", "strong", "subsiding", or "between" for humidities without measurements.
+    """Return how strongly nanometre contacts of silica age at a relative humidity, as a word.
 
     Args:
         relative_humidity: 0 to 1, or "35 %".
+
+    Returns:
+        "none", "strong", "subsiding", or "between" for a humidity without measurements.
 
     Raises:
         QuantityError: the humidity is out of range.

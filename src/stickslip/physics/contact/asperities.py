@@ -39,12 +39,14 @@ from .hertz import Load, Modulus
 from .roughness import Roughness
 
 Heights = Literal["gaussian", "exponential"]
-# Range of the separation, in standard deviations of the heights: half pressed in, and barely touching.
+# Range in which the separation is searched, in standard deviations of the heights: nearly all summits touch
+# at the first, nearly none at the second.
 DEEPEST, HIGHEST = -3.0, 30.0
 
 
 def moment(order: float, separation: float, heights: Heights) -> float:
-    """Return F_n(h) for this distribution of summit heights; order n and separation h are dimensionless."""
+    """Return F_n(h), the moment of order n of the summit heights beyond the separation h (both
+    dimensionless)."""
     if heights == "exponential":
         return float(scipy.special.gamma(order + 1.0)) * math.exp(-separation)
     cylinder = float(scipy.special.pbdv(-order - 1.0, separation)[0])
@@ -87,7 +89,13 @@ class GreenwoodWilliamson(NamedTuple):
         roughness: Roughness,
         contact_modulus: float | str,
     ) -> GreenwoodWilliamson:
-        """Return the model of a measured roughness; force in N, area in m², modulus in Pa.
+        """Return the summit model of a measured roughness.
+
+        Args:
+            normal_force: N.
+            nominal_area: m².
+            roughness: combined roughness of both surfaces.
+            contact_modulus: E* of both bodies, Pa.
 
         Raises:
             QuantityError: a value is out of range.
@@ -110,7 +118,7 @@ class GreenwoodWilliamson(NamedTuple):
         )
 
     def load(self, separation: float) -> float:
-        """Return the load P [N] at a separation in standard deviations of the heights."""
+        """Return the load P [N] at a separation h, which is in standard deviations of the heights."""
         size = self.contact_modulus * math.sqrt(self.summit_radius) * self.summit_deviation**1.5
         return 4.0 / 3.0 * self.summits * size * moment(1.5, separation, self.heights)
 
@@ -149,16 +157,16 @@ class GreenwoodWilliamson(NamedTuple):
 
     @property
     def plasticity_index(self) -> float:
-        """Return E* √(σ/R), to be compared with the hardness [Pa]: above it most contacts are plastic."""
+        """Return E* √(σ/R) [Pa]: most contacts are plastic if it exceeds the hardness."""
         return self.contact_modulus * math.sqrt(self.summit_deviation / self.summit_radius)
 
     @property
     def stiffness_scatter(self) -> float:
-        """Return the relative standard deviation of the stiffness from place to place."""
+        """Return the relative standard deviation of the stiffness from place to place on the surfaces."""
         return math.sqrt(4.0 / (math.pi * self.contacts))
 
     @property
     def area_scatter(self) -> float:
-        """Return the relative standard deviation of the real area, and of a friction force proportional to
-        it."""
+        """Return the relative standard deviation of the real area from place to place; also that of a
+        friction force in proportion to the area."""
         return math.sqrt((32.0 / (3.0 * math.pi) - 3.0) / self.contacts)

@@ -23,7 +23,8 @@ _MATERIALS, _PAIRS = Path(__file__).parent / "materials", Path(__file__).parent 
 
 @record
 class Sliding(NamedTuple):
-    """Friction coefficient of a pair, and its uncertainty: 68 % lie within the factor on either side."""
+    """Friction coefficient of a pair, and its uncertainty: 68 % of values lie within the value divided and
+    multiplied by the factor."""
 
     friction_coefficient: Coefficient
     friction_factor: Annotated[float, Quantity("", "×/÷", "within which 68 % lie", above=1)]
@@ -55,7 +56,8 @@ def available_pairs() -> tuple[str, ...]:
 
 
 def title_of(name: str, kind: str) -> str:
-    """Return the title of a "material" or "friction pair" of the package."""
+    """Return the title of a material or friction pair of the package; `kind` is "material" or "friction
+    pair"."""
     folder = _MATERIALS if kind == "material" else _PAIRS
     return str(read_toml(folder / f"{name}.toml")["title"])
 
@@ -116,7 +118,11 @@ def _material(file: Path) -> tuple[Material, dict[str, SetEntry], list[str]]:
 
 
 def _head(file: Path, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return title, citations and kind of a file as one mapping, and the rest of it as another."""
+    """Return two mappings of a file's entries: title, citations and kind; and all others.
+
+    Raises:
+        ParameterSetError: one of the three is missing, or the kind is another one.
+    """
     content = read_toml(file)
     head = {}
     for key, wanted in {"title": str, "citations": list, "kind": str}.items():

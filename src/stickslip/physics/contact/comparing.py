@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
-Condition = Sequence[float | str]  # a value for each contact
+Condition = Sequence[float | str]  # values of a condition, one per contact
 
 LEVEL = 0.95
-# Largest τ that is searched: a factor of 20.
+# Largest scatter τ of the logarithms that is searched: a factor of 20.
 MOST_SCATTER = 3.0
 
 
@@ -42,9 +42,9 @@ class ContactComparison:
     """Result of `compare_contacts`.
 
     Attributes:
-        effects: over "parameter" and "effect": `exponent` (of an effect that is a number) or `ratio` (of one
-            that is a name), `low` and `high` of its 95 % interval, `p` (probability of such a value without
-            an effect, corrected for all tests by Holm's method) and `moved` (p below 0.05).
+        effects: over "parameter" and "effect": `exponent` (for a numeric condition) or `ratio` (for a named
+            one), `low` and `high` of its 95 % interval, `p` (probability of such a value without an effect,
+            corrected for all tests by Holm's method) and `moved` (True if p is below 0.05).
         values: over "contact" and "parameter": `value`, `low`, `high` of each fit.
         scatter: over "parameter": the factor e^τ within which 68 % of equal contacts lie; NaN: unknown.
         remarks: sentences on parameters that could not be compared.
@@ -61,7 +61,7 @@ class ContactComparison:
         return self.report()
 
     def moved(self, effect: str) -> list[str]:
-        """Return the names of the parameters that changed significantly with an effect.
+        """Return the names of the parameters that changed significantly with an effect, given by its name.
 
         Raises:
             QuantityError: there is no such effect.
@@ -90,7 +90,8 @@ class ContactComparison:
 
 
 class _Effect(NamedTuple):
-    """A column of the design matrix: its name, and True if its coefficient is an exponent."""
+    """A column of the design matrix: its name; its values, one per fit; and True if its coefficient is an
+    exponent (False: the logarithm of a ratio)."""
 
     name: str
     column: Array
@@ -110,7 +111,7 @@ def compare_contacts(
         conditions: differences between the contacts, one value per fit, in order: numbers or quantities above
             0 (``"normal_force": ["1 N", "2 N", "4 N"]``), or names (``"surface": ["lapped", "ground",
             "ground"]``), of which the first is the reference.
-        parameters: names of those to compare; by default, all positive ones that every fit has.
+        parameters: names of the parameters to compare; by default, all positive ones that every fit has.
 
     Returns:
         The comparison; its `report` is a text.
@@ -159,7 +160,8 @@ def compare_contacts(
 
 
 class _FittedEffects(NamedTuple):
-    """Coefficients without the first, half-widths of their intervals, probabilities of chance, and τ."""
+    """Result of the regression of one parameter: coefficients of the effects, half-widths of their intervals,
+    their p values, and the scatter τ (NaN: unknown)."""
 
     coefficients: Array
     half_widths: Array
@@ -171,8 +173,8 @@ def _fitted(design: Array, logarithms: Array, errors: Array) -> _FittedEffects:
     freedom = len(logarithms) - design.shape[1]
 
     def at(variance: float) -> tuple[Array, Array, float]:
-        """Return coefficients, their covariance, and -2 times the restricted log-likelihood, for this
-        variance of the contacts."""
+        """Return the coefficients, their covariance, and -2 times the restricted log-likelihood, if the
+        contacts scatter with this `variance` in addition to the errors of the fits."""
         weight = 1.0 / (errors**2 + variance)
         normal = design.T @ (weight[:, None] * design)
         covariance = np.linalg.inv(normal)
@@ -221,7 +223,11 @@ def _effects(conditions: Mapping[str, Condition], count: int) -> list[_Effect]:
 
 
 def _numbers(name: str, given: Sequence[float | str]) -> Array | None:
-    """Return the condition in base units; None if it consists of names."""
+    """Return the values of a condition in base units; None if they are names.
+
+    Raises:
+        QuantityError: numbers and names are mixed, units differ, or a number is not above 0.
+    """
     try:
         quantities = [with_unit(str(one)).to_base_units() for one in given]
     except QuantityError:
@@ -263,7 +269,8 @@ def _table(compared: list[str], effects: list[_Effect], rows: list[_FittedEffect
 
 
 def _holm(chances: Array) -> Array:
-    """Return the probabilities of several tests corrected so that none is wrong by chance [holm1979]."""
+    """Return the p values of several tests after Holm's correction, which limits the probability of any false
+    finding [holm1979]."""
     order = np.argsort(chances, axis=None)
     ordered = chances.ravel()[order] * np.arange(chances.size, 0, -1)
     found = np.empty(chances.size)

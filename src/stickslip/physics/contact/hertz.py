@@ -43,7 +43,7 @@ class Hertz(NamedTuple):
 
     @property
     def approach(self) -> float:
-        """Return the approach δ [m] of distant points of both bodies."""
+        """Return the approach δ [m]: how far distant points of the two bodies move towards each other."""
         return self.contact_radius**2 / self.radius
 
     @property

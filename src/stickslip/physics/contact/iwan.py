@@ -31,10 +31,10 @@ Array = NDArray[np.float64]
 
 # Share of the slip force that the elements of a rough contact omit; such a contact never slides completely.
 LEFT_OUT = 1e-2
-# Smallest share of all stiffness or strength of an element.
+# Smallest stiffness of an element, relative to that of all elements; smaller ones are left out.
 NOTHING = 1e-9
-FEWEST = 10
-# Smallest reversal of the position, relative to its range.
+FEWEST = 10  # smallest number of samples after a reversal that a fit of loops needs
+# Smallest motion back that counts as a reversal, relative to the range of the position.
 TURN = 0.02
 
 
@@ -44,7 +44,7 @@ class LoopElements(NamedTuple):
     Attributes:
         law: the elements.
         rmse: root mean square deviation of the loop's branches from those of the law, N.
-        r_squared: coefficient of determination of the same.
+        r_squared: coefficient of determination of the fit to the branches.
     """
 
     law: MaxwellSlip
@@ -156,8 +156,12 @@ def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopEl
 
 
 def _branches(x: Array, q: Array) -> tuple[Array, Array]:
-    """Return half the displacement since the last reversal, and half the change of the force since, for
-    samples after the first reversal."""
+    """Return half the displacement, and half the change of the force, since the last reversal, for the
+    samples after the first reversal. Samples beyond the length of the previous branch are left out.
+
+    Args:
+        x, q: position [m] and force [N], [n].
+    """
     turns = [*_turns(x), x.size - 1]
     moved, carried = [np.zeros(0)], [np.zeros(0)]
     for before, begin, end in zip([0, *turns], turns, turns[1:], strict=False):
@@ -170,7 +174,8 @@ def _branches(x: Array, q: Array) -> tuple[Array, Array]:
 
 
 def _turns(x: Array) -> list[int]:
-    """Return the samples at which the position reverses, by more than noise and converter steps."""
+    """Return the indices of samples at which the position reverses by more than `TURN` of its range, which
+    excludes noise and converter steps."""
     least = TURN * float(np.ptp(x))
     found, high, low = [], 0, 0
     for i, at in enumerate(x.tolist()):

@@ -57,7 +57,7 @@ class Bodies(NamedTuple):
 
     @property
     def dundurs(self) -> float:
-        """Return Dundurs' β, the strength of interaction between normal and tangential forces."""
+        """Return Dundurs' β of the pair: 0 if normal and tangential forces do not interact."""
         one, two = ((1.0 - 2.0 * of.poissons_ratio) / of.shear_modulus for of in self)
         return 0.5 * (one - two) / sum((1.0 - of.poissons_ratio) / of.shear_modulus for of in self)
 

@@ -59,31 +59,39 @@ class Mindlin(NamedTuple):
         return 1.5 * self.slip_force / self.tangential_stiffness
 
     def displacement(self, force: ArrayLike) -> Array:
-        """Return the displacement δ [m] under a force [N] that increases from 0 to at most the slip force."""
+        """Return the tangential displacement δ [m] under forces [N], each increased from 0; at most the slip
+        force."""
         q = self._share(force)
         return self.presliding_distance * np.sign(q) * (1.0 - (1.0 - np.abs(q)) ** (2.0 / 3.0))
 
     def force(self, displacement: ArrayLike) -> Array:
-        """Return the force Q [N] at a displacement [m] that increases from 0."""
+        """Return the tangential force Q [N] at displacements [m], each increased from 0; beyond
+        `presliding_distance` the slip force."""
         share = array_si(displacement, "m", "displacement") / self.presliding_distance
         rest = np.maximum(1.0 - np.abs(share), 0.0)
         return self.slip_force * np.sign(share) * (1.0 - rest**1.5)
 
     def stick_radius(self, force: ArrayLike) -> Array:
-        """Return the stick radius c [m] under a force [N]."""
+        """Return the radius c [m] of the circle that sticks, under tangential forces [N], each increased from
+        0."""
         return self.normal.contact_radius * np.cbrt(1.0 - np.abs(self._share(force)))
 
     def loop(self, amplitude: float | str, points: int = 101) -> tuple[Array, Array]:
-        """Return displacement [m] and force [N], `points` each, of a closed loop between forces of ±
-        `amplitude` [N]."""
+        """Return displacement [m] and force [N] of a closed loop between the tangential forces ± `amplitude`
+        [N].
+
+        Args:
+            amplitude: N, at most the slip force.
+            points: number of points of each half of the loop; both arrays have twice as many.
+        """
         most = to_si(amplitude, "N", "amplitude")
         up = np.linspace(-most, most, whole(points, "points", 2, 1_000_000))
         half = 2.0 * self.displacement(0.5 * (up + most)) - self.displacement(most)
         return np.append(half, -half), np.append(up, -up)
 
     def loss(self, amplitude: float | str) -> float:
-        """Return the energy lost per cycle between forces of ± `amplitude` [N], in J: the area of the
-        loop."""
+        """Return the energy lost per cycle between the tangential forces ± `amplitude` [N], in J: the area of
+        the loop."""
         q = float(np.abs(self._share(to_si(amplitude, "N", "amplitude"))))
         # 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)) with q^3 factored out, to avoid cancellation.
         stuck = math.cbrt(1.0 - q)

@@ -42,10 +42,12 @@ def backbone(
     friction_coefficient: float | str,
     stiffness_ratio: float | str,
 ) -> Array:
-    """Return the tangential force [N], [n], of an initial push over the displacement [m].
+    """Return the tangential force [N], [n], while a contact is first pushed to the displacements [m] at a
+    constant normal force.
+
 
     Args:
-        load: function for the normal force [N] at any approach [m], 0 without contact.
+        load: function from approaches [m] to normal forces [N], 0 without contact.
         approach: constant approach, m.
         displacement: m, [n], not negative.
         friction_coefficient: μ.
@@ -91,11 +93,11 @@ class ExponentialContact(NamedTuple):
 
     @property
     def presliding_distance(self) -> float:
-        """Return the displacement μP/σ₀ [m] at which the force is 63 % of the slip force; it is the same at
-        any load."""
+        """Return the displacement μP/σ₀ [m] at which the force is 63 % of the slip force; it does not depend
+        on the load."""
         return self.slip_force / self.tangential_stiffness
 
     def force(self, displacement: ArrayLike) -> Array:
-        """Return the force Q [N] at a displacement [m] that increases from 0."""
+        """Return the tangential force Q [N] at displacements [m], each increased from 0."""
         x = array_si(displacement, "m", "displacement") / self.presliding_distance
         return -self.slip_force * np.sign(x) * np.expm1(-np.abs(x))

@@ -19,9 +19,9 @@ from ...quantities.records import Quantity, record
 from .hertz import Load, Modulus
 from .roughness import Roughness
 
-# γ, and the factor within which it is known.
+# γ in the decay length u_0 = γ h_rms, and the factor within which it is known (see the module).
 GAMMA, GAMMA_FACTOR = 0.46, 1.2
-# Share of the nominal area in contact beyond which stiffness grows faster than the load.
+# Fraction of the nominal area in contact beyond which the stiffness grows faster than the load.
 MOST_AREA = 0.2
 
 
@@ -41,7 +41,7 @@ class Persson(NamedTuple):
 
     @property
     def decay_length(self) -> float:
-        """Return the decay length u_0 [m]."""
+        """Return the decay length u_0 = γ h_rms [m], the approach by which the load grows e-fold."""
         return GAMMA * self.roughness.height
 
     @property
@@ -58,12 +58,13 @@ class Persson(NamedTuple):
 
     @property
     def least_force(self) -> float:
-        """Return the force, N, below which less than one patch of the longest wavelength carries the load:
-        there k_n is not linear."""
+        """Return the smallest valid normal force, N. Below, less than one patch of the longest wavelength
+        carries the load, and the stiffness is not in proportion to the load."""
         return self.contact_modulus * self.decay_length * self.roughness.longest
 
     def holds(self) -> str:
-        """Return the reason why the stiffness is not reliable; an empty text if it is."""
+        """Return a sentence that says why the stiffness is not reliable at this load; an empty text if it is
+        reliable."""
         if self.real_area > MOST_AREA * self.nominal_area:
             return (
                 f"{100.0 * self.real_area / self.nominal_area:.0f} % of the nominal area touch: above "

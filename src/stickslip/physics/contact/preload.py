@@ -44,10 +44,11 @@ class PreloadSpring(NamedTuple):
         return _pressing(self.force + self.stiffness * array_si(rise, "m", "rise"))
 
     def along(self, rise: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
-        """Return the normal force along a stroke whose seat rises by `rise` [m] per metre.
+        """Return the normal force as a function of the position, for a seat that rises by `rise` [m] per
+        metre of stroke.
 
-        Use it for a wedge, or a guide that is not parallel. The friction parameters hold at the preload of
-        the spring.
+        Use it for a wedge, or a guide that is not parallel. The friction parameters are valid at the preload
+        of the spring; `stiffness_exponent` as in `NormalForce`.
 
         Raises:
             QuantityError: a value is out of range.
@@ -72,10 +73,11 @@ class PreloadMagnet(NamedTuple):
         return self.flux_density**2 * self.area / (2.0 * MU_0) / (1.0 + gap / self.length) ** 2
 
     def along(self, gap: float | str, opens: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
-        """Return the normal force along a stroke whose gap starts at `gap` [m] and opens by `opens` [m] per
-        metre.
+        """Return the normal force as a function of the position, for a gap that starts at `gap` [m] and opens
+        by `opens` [m] per metre of stroke.
 
-        The friction parameters hold at the force over the initial gap.
+        The friction parameters are valid at the force over the initial gap; `stiffness_exponent` as in
+        `NormalForce`.
 
         Raises:
             QuantityError: a value is out of range.

@@ -36,17 +36,19 @@ from .partial_slip import ExponentialContact
 from .persson import GAMMA_FACTOR, Persson
 from .roughness import Roughness
 
-# Factors within which 68 % of measured contacts lie: of theory, roughness and ball radius.
+# Factors within which 68 % of measured stiffnesses lie, on either side of the expected one: by errors of the
+# theory, of the roughness, and of the radius of a ball.
 THEORY, OF_ROUGHNESS, OF_BALL = 2.0, 1.3, 1.1
 _THEORY = Quantity("", "", "the factor within which stiffness follows theory", minimum=1)
-# Largest deviation, in standard deviations, at which a prior is said to agree with a fit.
+# Largest deviation of a fit from a prior, in standard deviations, at which they count as consistent.
 HELD = 1.96
 
 UNITS = {"sigma_0": "N/m", "coulomb_force": "N"}
 
 
 class ExpectedValue(NamedTuple):
-    """Prior of a parameter: `value` in `unit`, and the `factor` that contains 68 % on either side."""
+    """Prior of a parameter: its expected `value` in `unit`; 68 % lie between the value divided by `factor`
+    and multiplied by it."""
 
     value: float
     factor: float
@@ -54,12 +56,13 @@ class ExpectedValue(NamedTuple):
 
     @property
     def prior(self) -> tuple[float, float]:
-        """Return value and standard deviation in the form in which fits take the prior of a parameter on a
+        """Return value and standard deviation, in the form in which fits take the prior of a parameter with a
         logarithmic scale."""
         return self.value, self.value * math.log(self.factor)
 
     def interval(self, deviations: float = HELD) -> tuple[float, float]:
-        """Return the interval of this many standard deviations."""
+        """Return the ends of the interval of ± `deviations` standard deviations of the logarithm; by default
+        95 %."""
         return self.value / self.factor**deviations, self.value * self.factor**deviations
 
 
@@ -69,7 +72,8 @@ class ContactPrior:
 
     Attributes:
         known: priors by the names of the LuGre law, "sigma_0" and "coulomb_force".
-        contact: model of the contact; `holder`, stiffness in series with it, N/m.
+        contact: model of the contact.
+        holder: stiffness in series with the contact, N/m; None: rigid.
         assumptions: values without a source, by name.
         doubts: sentences on the limits of the model.
     """
@@ -83,11 +87,11 @@ class ContactPrior:
     _repr_html_ = preformatted
 
     def priors(self, *names: str) -> dict[str, tuple[float, float]]:
-        """Return the argument `priors` for `identify_friction` and `identify_loops`, by default for all
-        parameters.
+        """Return value and standard deviation of parameters by name, the argument `priors` of
+        `identify_friction` and `identify_loops`. `names`: by default all parameters.
 
         Raises:
-            QuantityError: there is no prior for that parameter.
+            QuantityError: there is no prior for a parameter.
         """
         return {name: self._of(name).prior for name in names or self.known}
 
@@ -118,14 +122,14 @@ class ContactPrior:
         )
 
     def maxwell_slip(self, elements: int = 8) -> MaxwellSlip:
-        """Return the Maxwell slip law with the complete presliding loop, at the expected values; see
-        `iwan`."""
+        """Return the Maxwell slip law with the complete presliding loop, at the expected values, by a number
+        of `elements`; see `iwan.maxwell_slip`."""
         law = maxwell_slip(self.contact, elements)
         return law if self.holder is None else in_series(law, self.holder)
 
     def widened(self, factor: float | str, *names: str) -> ContactPrior:
-        """Return the prior with its factors combined in quadrature with a further factor, by default for all
-        parameters.
+        """Return a prior with wider factors: each is combined in quadrature with a further `factor`, by
+        default for all parameters.
 
         Raises:
             QuantityError: the factor is out of range, or there is no such parameter.
@@ -139,10 +143,10 @@ class ContactPrior:
         return replace(self, known={**self.known, **wider})
 
     def held(self, values: Fit | Mapping[str, float]) -> dict[str, float]:
-        """Return the deviation of each value of a fit (or of a dictionary, in SI), in standard deviations of
-        the prior.
+        """Return the deviation of fitted values from the prior, by name, in standard deviations of the
+        prior's logarithm.
 
-        Beyond ±1.96 the prior is misleading.
+        `values` is a fit, or values by name in SI. Beyond ±1.96 the prior is misleading.
         """
         found = values.values if isinstance(values, Fit) else values
         return {
@@ -189,7 +193,7 @@ def rough_prior(
         roughness: roughness of both surfaces; a single number such as Ra is not enough (see `roughness`).
         nominal_area: area of all contacts together, m².
         holder_stiffness: N/m along the motion, in series with the contact; by default rigid.
-        theory: factor within which stiffness follows theory.
+        theory: factor within which 68 % of real stiffnesses lie on either side of the theory.
 
     Raises:
         QuantityError: a value is out of range.
@@ -259,7 +263,8 @@ def ball_prior(
 
 
 def together(*factors: float) -> float:
-    """Return the combination of several independent factors: their logarithms add in quadrature."""
+    """Return the factor of several independent uncertainties: the logarithms of their factors add in
+    quadrature."""
     return math.exp(math.hypot(*(math.log(one) for one in factors)))
 
 

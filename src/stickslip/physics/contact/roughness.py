@@ -29,8 +29,9 @@ Array = NDArray[np.float64]
 
 # Degree of the polynomial (tilt and bow) that is subtracted from each line of a topography.
 FLATTENED = 2
-FEWEST = 8
-# Largest residual of a subtracted plane, relative to the largest height.
+FEWEST = 8  # smallest number of heights in each direction of a topography
+# Heights that remain after the subtraction of tilt and bow, relative to the largest one, below which they are
+# only rounding errors.
 ROUNDING = 1e-12
 
 
@@ -115,7 +116,8 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
 
     Args:
         heights: heights in m, [n] for a line scan, or [n, m] for a map.
-        spacing: distance between neighbours, m; for a map one for both directions, or one for each.
+        spacing: distance between neighbouring points, m; for a map one for both directions, or a tuple of
+            two.
 
     Raises:
         QuantityError: there is no lateral scale, heights are missing, too few, or all equal.
@@ -156,7 +158,7 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
 
     Args:
         path: the file.
-        channel: number of the height channel.
+        channel: index of the height channel in the file, from 0.
 
     Raises:
         QuantityError: the file cannot be read, has no such channel, no unit or no lateral scale.
@@ -183,7 +185,8 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
 
 
 def of_topography(scan: Any, name: str = "topography") -> Roughness:
-    """Return the roughness of a SurfaceTopography object: a line scan or map with its unit.
+    """Return the roughness of a line scan or map of the package SurfaceTopography; `name` is for messages.
+
 
     Raises:
         QuantityError: it has no unit, no lateral scale, or points that were not measured.
@@ -208,7 +211,7 @@ def _spacing(given: float | str | tuple[float | str, ...]) -> tuple[float, ...]:
 
 
 def _bowed(z: Array) -> Array:
-    """Return the least-squares plane and parabola of the heights."""
+    """Return the plane and parabola that fit the heights best, by least squares, in their shape."""
     axes = np.meshgrid(*(np.linspace(-1.0, 1.0, n) for n in z.shape), indexing="ij")
     columns = [np.ones(z.size)]
     for i, one in enumerate(axes):

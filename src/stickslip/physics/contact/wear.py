@@ -21,16 +21,19 @@ from ...quantities.units import QuantityError, array_si, to_si
 
 @record
 class RunningIn(NamedTuple):
-    """Friction force during running-in as a function of the sliding path; it approaches its final value
-    without a maximum."""
+    """Friction force during running-in as a function of the sliding path: an exponential from its first to
+    its final value."""
 
     first: Annotated[float, Quantity("N", "F_0", "friction at the beginning", above=0)]
     last: Annotated[float, Quantity("N", "F_∞", "friction at the end", above=0)]
     path: Annotated[float, Quantity("m", "s_0", "path in which 63 % of it happen", above=0)]
 
     def force(self, slid: ArrayLike) -> NDArray[np.float64]:
-        """Return the friction force F [N] after a path [m] of sliding; raise QuantityError for a negative
-        one."""
+        """Return the friction force F [N] after sliding paths [m], in their shape.
+
+        Raises:
+            QuantityError: a path is negative.
+        """
         path = array_si(slid, "m", "slid")
         if not np.all(path >= 0.0):
             raise QuantityError("slid [m] is out of range: it must be >= 0 m")
@@ -65,11 +68,15 @@ def worn_depth(
 
 
 def sliding_path(sliding_displacement: ArrayLike) -> float:
-    """Return the total path of sliding in both directions, m, of a sliding_displacement [m], shape (n,), from
-    a simulation or recording.
+    """Return the total path of sliding in both directions, m.
 
-    It includes the elastic presliding at each reversal, which does not cause wear. Raises QuantityError
-    unless the samples are finite.
+    The path includes the elastic presliding at each reversal, which does not cause wear.
+
+    Args:
+        sliding_displacement: relative displacement of the contact from a simulation or recording, m, [n].
+
+    Raises:
+        QuantityError: a sample is not finite.
     """
     x = array_si(sliding_displacement, "m", "sliding_displacement")
     if x.ndim != 1 or not np.all(np.isfinite(x)):

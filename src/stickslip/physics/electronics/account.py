@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# of the stack's time constant: largest distance of points that resolve its warming and cooling
+# Largest distance of points, as a fraction of the stack's thermal time constant, so that they resolve warming
+# and cooling.
 _WARMING = 0.02
 
 _OVER_TIME = {
@@ -148,7 +149,8 @@ def electrical(
 
 
 def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Array, Array]:
-    """Return times [s] and voltages [V] of the run, for linear interpolation."""
+    """Return times [s] and voltages [V] of the run as points for linear interpolation; a waveform is
+    approximated within the tolerance [V]."""
     if isinstance(source, Mapping):
         return _samples(source)
     if not hasattr(source, "drive"):
@@ -171,7 +173,8 @@ def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Arra
 
 
 def _closer(times: Array, volts: Array, farthest: float) -> tuple[Array, Array]:
-    """Return the points with more interpolated ones where they are farther apart than `farthest` [s]."""
+    """Return the points (times and voltages) with interpolated points added where they are farther apart than
+    `farthest` [s]."""
     parts = np.maximum(np.ceil(np.diff(times) / farthest), 1.0).astype(np.int64)
     if parts.max() == 1:
         return times, volts
@@ -182,7 +185,8 @@ def _closer(times: Array, volts: Array, farthest: float) -> tuple[Array, Array]:
 
 
 def _and_at(times: Array, volts: Array, wanted: Array) -> tuple[Array, Array, Any]:
-    """Return the points with further interpolated ones at the wanted times, and the indices of these."""
+    """Return the points (times and voltages) with interpolated points added at the wanted times, and the
+    indices of the wanted times."""
     if wanted.ndim != 1 or not wanted.size or not np.all(np.diff(wanted) > 0.0):
         raise QuantityError("times [s] must be a list of numbers that ascend")
     if not (times[0] <= wanted[0] and wanted[-1] <= times[-1]):
@@ -218,14 +222,21 @@ def _samples(recording: Any) -> tuple[Array, Array]:
 
 
 def _held(values: Array) -> Array:
-    """Return the value of each interval at its start; at the end, the value of the last interval."""
+    """Return values of intervals [n - 1] as values at their starts [n]; the last point gets the value of the
+    last interval."""
     return np.append(values, values[-1])
 
 
 def _warmed(step: Array, power: Array, stack: Stack, slope: float, first: float) -> Array:
-    """Return the temperature above the surroundings at each point, K. The power [W] is constant between
-    points except for a factor, which is `first` at the surroundings' temperature and increases by `slope`
-    [1/K]."""
+    """Return the temperature of a stack above its surroundings at each point, K, [n].
+
+    Args:
+        step: lengths of the intervals, s, [n - 1].
+        power: loss in each interval if the stack had its reference temperature, W.
+        stack: thermal resistance and heat capacity.
+        slope: increase of the loss with temperature, as a fraction of `power`, 1/K.
+        first: factor of the loss at the temperature of the surroundings.
+    """
     rate = 1.0 / stack.time_constant - slope * power / stack.heat_capacity
     left = np.exp(-rate * step)
     lasting = np.where(rate == 0.0, step, -np.expm1(-rate * step) / np.where(rate == 0.0, 1.0, rate))

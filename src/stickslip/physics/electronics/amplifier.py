@@ -87,8 +87,12 @@ def small_signal_bandwidth(amplifier: Amplifier, capacitance: float | str) -> fl
 
 
 def limits(amplifier: Amplifier, farad: float) -> ChargingLimits:
-    """Return the limits within which an amplifier charges a capacitance [F]; raise QuantityError unless
-    `amplifier` is an `Amplifier`."""
+    """Return the limits within which an amplifier charges a capacitance `farad` [F]: its time constant,
+    largest slopes and current limits.
+
+    Raises:
+        QuantityError: `amplifier` is not an `Amplifier`.
+    """
     of_kind(amplifier, Amplifier, "amplifier")
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * farad
     peak, steady = amplifier.max_current, min(amplifier.rms_current, amplifier.max_current)
@@ -113,8 +117,9 @@ def amplifier_output(
     *,
     tolerance: float | str = 5e-3,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the output of an amplifier for an input that is held from sample to sample, as points for linear
-    interpolation.
+    """Return the output of an amplifier whose input is held constant from sample to sample, as points for
+    linear interpolation.
+
 
     Args:
         amplifier: data of the amplifier.

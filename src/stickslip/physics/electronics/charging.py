@@ -20,8 +20,9 @@ from ...engine.library import library
 
 Array = NDArray[np.float64]
 
-# Relative: how far the mean square must fall below its limit before the peak current is available again;
-# rounding; and the share of the memory time after which the limit is checked.
+# _BELOW: relative distance by which the mean square must fall below its limit before the peak current is
+# available again. _SAME: relative rounding of the mean square. _OFTEN: longest time between two checks of the
+# limit, as a fraction of the memory time.
 _BELOW, _SAME, _OFTEN = 1e-9, 1e-12, 1.0 / 32.0
 
 
@@ -41,8 +42,8 @@ class ChargingLimits(NamedTuple):
 
 
 def rest(volts: float) -> Array:
-    """Return the state at rest: output [V], mean square of the current [A²], and 0 (1 while the steady
-    current limits)."""
+    """Return the state of an amplifier at rest: output [V], mean square of the current [A²], and a flag, here
+    0 (1 while the steady current limits)."""
     return np.array([volts, 0.0, 0.0])
 
 
@@ -139,10 +140,14 @@ def _lagged(of, d, gap, s, rate, square, folded, least):
 def charged(
     of: ChargingLimits, bounds: Array, values: Array, slopes: Array, state: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Return times and voltages of the output, for linear interpolation.
+    """Return times [s] and voltages [V] of the output, as points for linear interpolation.
 
-    The targets are values[k] + slopes[k] (t - bounds[k]) from bounds[k] to bounds[k + 1]. `state` (see
-    `rest`) is the one at the start, and is replaced by the one at the end.
+    Args:
+        of: limits of the amplifier.
+        bounds: times at which pieces of the target start, and the last one ends, s, [n + 1].
+        values, slopes: target at the start of each piece, V, and its slope, V/s, [n].
+        state: state at the start, see `rest`; replaced by that at the end.
+        tolerance: largest error of the interpolation, V.
     """
     sized("bounds", bounds, values.size + 1)
     sized("slopes", slopes, values.size)

@@ -15,10 +15,10 @@ Low = Annotated[float, Quantity("V", "u_low", "voltage of the lowest code")]
 High = Annotated[float, Quantity("V", "u_high", "voltage one step above that of the highest code")]
 
 
-# Copied into both classes by name, because a NamedTuple cannot have a second base class.
+# Both classes refer to these functions by name, because a NamedTuple cannot inherit from a second base class.
 @property
 def _step(converter: Any) -> float:
-    """Return the voltage of one step, V."""
+    """Return the voltage of the least significant bit, V."""
     return (converter.high - converter.low) / 2.0**converter.bits
 
 
@@ -70,14 +70,16 @@ class Adc(NamedTuple):
 
 
 def dac_output(dac: Dac, numbers: ArrayLike) -> NDArray[np.float64]:
-    """Return the output voltages for the numbers that a program writes, V, in the same shape."""
+    """Return the output voltages [V] of a converter for numbers that a program writes, in the same shape;
+    clipped to its range."""
     steps = (array_si(numbers, "", "numbers") * dac.gain - dac.low) / dac.step
-    # A number computed for a step may be slightly below it by rounding.
+    # A number that was computed from a step may be slightly below this step by rounding.
     return _at_steps(dac, np.floor(steps + 1e-6) if dac.truncates else np.rint(steps))
 
 
 def adc_output(adc: Adc, volts: ArrayLike) -> NDArray[np.float64]:
-    """Return the voltages of the converter's codes, V, in the same shape."""
+    """Return input voltages as a converter reads them, V, in the same shape: rounded to its steps, clipped to
+    its range."""
     return _at_steps(adc, np.rint((array_si(volts, "V", "volts") - adc.low) / adc.step))
 
 

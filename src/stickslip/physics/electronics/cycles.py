@@ -1,8 +1,8 @@
 """Closed cycles of a voltage and their hysteresis loss, by rainflow counting.
 
-A material with hysteresis returns from a small cycle to the point at which it left the large one. Each cycle
-loses what it would lose alone. So noise on a recording adds many cycles with almost no loss, and does not
-hide the large ones.
+After a small cycle, a material with hysteresis continues on the path of the large cycle that was interrupted.
+Each cycle loses what it would lose alone. So noise of a recording adds many cycles with almost no loss, and
+does not hide the large ones.
 """
 
 from __future__ import annotations
@@ -30,16 +30,24 @@ def turning_points(values: Array) -> Index:
 
 
 def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
-    """Return the swing [V] of each half cycle, and the pieces of its path.
+    """Return the half cycles of a voltage by rainflow counting, and the parts of the signal that belong to
+    each.
 
-    For each piece: the index of its half cycle, and its start and end, in samples and fractions. A closed
-    cycle is two half cycles; cycles that are open at the end are single half cycles. A small cycle interrupts
-    the path of a large one, which continues where the voltage returns to the start of the small one.
+    A closed cycle is two half cycles; cycles that are open at the end are single half cycles. A small cycle
+    interrupts the path of a large one, which continues where the voltage returns to the start of the small
+    one, so a path may have several pieces.
+
+    Args:
+        values: voltages [n].
+
+    Returns:
+        The swing (peak to peak) of each half cycle, V; and for each piece of a path: the index of its half
+            cycle, its start, and its end, both as fractional indices of samples.
     """
     swings, which = list[float](), list[int]()
     begins, ends = list[float](), list[float]()
     points = turning_points(values).tolist()
-    # Open reversal points with their voltages, and the path from each of them to the next, in pieces.
+    # Voltages of the reversal points of open half cycles, and the pieces of the path that leads to each.
     volts, ways = list[float](), list[list[tuple[float, float]]]()
 
     def note(swing: float, way: list[tuple[float, float]]) -> None:
@@ -51,7 +59,7 @@ def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
 
     for before, point in pairwise([points[0], *points] if points else []):
         volts.append(float(values[point]))
-        ways.append([(float(before), float(point))])  # the path of the first has no length
+        ways.append([(float(before), float(point))])  # the first path has no length
         while len(volts) > 3:
             a, b, c, d = volts[-4:]
             inner = abs(c - b)
@@ -70,7 +78,8 @@ def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
 
 
 def _reached(values: Array, first: int, last: int, level: float) -> float:
-    """Return the position where a monotonic part of a signal passes a level, in samples."""
+    """Return the fractional index at which a monotonic part of a signal, from sample `first` to `last`,
+    passes a level."""
     way = values[first : last + 1]
     rising = way[-1] >= way[0]
     k = int(np.searchsorted(way if rising else -way, level if rising else -level))
@@ -80,8 +89,14 @@ def _reached(values: Array, first: int, last: int, level: float) -> float:
 
 
 def lost_power(times: Array, values: Array, cycle_loss: Callable[[ArrayLike], Array]) -> Array:
-    """Return the power [W] in each interval between samples [n - 1]: half the loss of a cycle [J], divided by
-    the time on the path of each half cycle. Its integral is the total loss."""
+    """Return the hysteresis loss in each interval between samples, W, [n - 1].
+
+    Each half cycle has half of the loss of its cycle, spread evenly over the time of its path.
+
+    Args:
+        times, values: s and V, [n].
+        cycle_loss: function from the swings of cycles [V] to their losses [J].
+    """
     swings, which, begins, ends = half_cycles(values)
     if not swings.size:
         return np.zeros(times.size - 1)

@@ -26,11 +26,12 @@ from .lines import PiecewiseLinear, clipped, jumps, lines_of
 
 Array = NDArray[np.float64]
 
-# Largest drift of all later periods, as a share of the tolerance; and of the mean square current, as a
-# share of the squared rms current.
+# The response counts as periodic if the drift of all later periods together is at most these fractions: of
+# the tolerance for the voltage, of the squared rms current limit for the mean square of the current.
 _SAME_VOLTS, _SAME_SQUARE = 0.02, 1e-4
-_MOST_PERIODS = 100_000
-# Factor by which lines are finer if the current folds back (docs/decisions/electronics.md).
+_MOST_PERIODS = 100_000  # largest number of periods that `driven_period` computes
+# Divisor of the tolerance of the lines if the amplifier has a current foldback, whose switching time depends
+# on the lines (docs/decisions/electronics.md).
 _FINER = 8.0
 
 
@@ -116,13 +117,16 @@ def driven_period(
 
 
 def _for_lines(of: ChargingLimits, tolerance: float) -> float:
-    """Return the largest error of the lines for an output within the tolerance, V."""
+    """Return the tolerance of the straight lines, V, for an output within `tolerance` [V]."""
     return tolerance / _FINER if math.isfinite(of.memory) else tolerance
 
 
 def _endless(waveform: Waveform) -> float | None:
-    """Return the period of a waveform that repeats without end, s, otherwise None; raise QuantityError unless
-    `waveform` is a waveform."""
+    """Return the period of a waveform that repeats without end, s; None for any other waveform.
+
+    Raises:
+        QuantityError: `waveform` is not a waveform.
+    """
     if not hasattr(waveform, "drive"):
         raise QuantityError(f"waveform = {waveform!r:.60} must be a waveform in V")
     period = getattr(waveform, "period", None)
@@ -140,7 +144,11 @@ def _asked(
     of: ChargingLimits, amplifier: Amplifier, waveform: Waveform, duration: float, tolerance: float
 ) -> PiecewiseLinear:
     """Return the target voltage of the amplifier as straight lines over the duration [s], within half of the
-    tolerance [V]."""
+    tolerance [V].
+
+    Raises:
+        QuantityError: the waveform is not in V, or the output would jump.
+    """
     if waveform.unit != "V":
         raise QuantityError(f"{type(waveform).__name__} is in {waveform.unit}: an amplifier gives volts")
     lines = lines_of(waveform.drive(duration), duration, 0.5 * tolerance)
@@ -160,8 +168,8 @@ def _asked(
 def _answer(
     of: ChargingLimits, asked: PiecewiseLinear, state: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Return times [s] and voltages [V] of the output, starting from the state, which is replaced by that at
-    the end."""
+    """Return times [s] and voltages [V] of the amplifier's output for a target; `state` (see `charging.rest`)
+    is replaced by that at the end."""
     if of.tau == 0.0 and math.isinf(of.rate):  # the output equals the target
         state[0] = asked.end
         return asked.bounds, np.append(asked.values, state[0])
@@ -171,10 +179,18 @@ def _answer(
 def _until_it_repeats(
     of: ChargingLimits, asked: PiecewiseLinear, tolerance: float, most: int, keep: bool = True
 ) -> tuple[list[Array], list[Array], Array, bool]:
-    """Compute period after period until one ends as it started.
+    """Compute period after period of the output until a period ends as it started.
 
-    Returns the times from the start of the first period and the volts of each period (only of the last one
-    unless `keep`), the state at the end, and whether the response repeats.
+    Args:
+        of: limits of the amplifier.
+        asked: target over one period.
+        tolerance: largest error, V.
+        most: largest number of periods.
+        keep: return all periods, not only the last one.
+
+    Returns:
+        Times [s] from the start of the first period and voltages [V], an array per period; the state at the
+            end; and True if the response repeats.
     """
     state, times, volts = rest(asked.before), list[Array](), list[Array]()
     period = asked.bounds[-1]
@@ -195,7 +211,8 @@ def _until_it_repeats(
 
 
 def _joined(times: list[Array], volts: list[Array]) -> tuple[Array, Array]:
-    """Join parts; where one ends and the next starts there is one point."""
+    """Return the times and voltages of several parts as one signal; the common point of two parts is kept
+    once."""
     t = np.concatenate([times[0], *(part[1:] for part in times[1:])])
     u = np.concatenate([volts[0], *(part[1:] for part in volts[1:])])
     fresh = np.append(True, np.diff(t) > 0.0)
@@ -203,7 +220,8 @@ def _joined(times: list[Array], volts: list[Array]) -> tuple[Array, Array]:
 
 
 def _period(times: Array, volts: Array, period: float) -> Sampled:
-    """Return the waveform of one period [s]; the voltage at its end is that at the start of the next."""
+    """Return one period [s] of times and voltages as a periodic waveform; its end is the start of the next
+    period."""
     t = times - times[0]
     within = t < period * (1.0 - SLIVER)
     return Sampled(t[within], volts[within], period=period)

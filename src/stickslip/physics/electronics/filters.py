@@ -71,14 +71,18 @@ def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
 
 
 def filtered(filter: Filter, signal: NDArray[np.float64], sample_rate: float | str) -> NDArray[np.float64]:
-    """Return the signal [n] after the filter; raise QuantityError as `sections`."""
+    """Return the signal [n] after the filter, which starts in the steady state of the first sample.
+
+    Raises:
+        QuantityError: the corner frequency is not below half the sample rate.
+    """
     made = sections(filter, to_si(sample_rate, "Hz", "sample_rate"))
     return scipy.signal.sosfilt(made, signal, zi=scipy.signal.sosfilt_zi(made) * signal[0])[0]
 
 
 def first_order(signal: NDArray[np.float64], sample_rate: float, bandwidth: float) -> NDArray[np.float64]:
-    """Return the signal [n] after a first-order low-pass with this bandwidth [Hz]; unchanged unless that is
-    below half the rate."""
+    """Return the signal [n] after a first-order low-pass with a bandwidth [Hz]; unchanged if the bandwidth is
+    at least half the sample rate [Hz]."""
     if bandwidth >= 0.5 * sample_rate:
         return signal
     return filtered(Filter(1, bandwidth), signal, sample_rate)

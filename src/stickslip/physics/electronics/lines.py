@@ -1,5 +1,5 @@
-"""Approximation of a drive signal by straight lines within a tolerance: few where it is straight, many where
-it is curved."""
+"""Approximation of a drive signal by straight lines within a tolerance: long lines where the signal is nearly
+straight, short ones where it is curved."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...waveform.drive import Drive
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_COARSE = 64  # parts of a segment, each of which gets its own number of lines if many are needed
+_COARSE = 64  # a segment of more lines is divided into so many parts, each with its own number of lines
 
 
 class PiecewiseLinear(NamedTuple):
@@ -49,7 +49,7 @@ def lines_of(drive: Drive, duration: float, tolerance: float) -> PiecewiseLinear
     count = _wanted(drive, segment, start, length, tolerance)
     asked = f"duration = {duration:g} s in lines that are off by at most {tolerance:g} V"
     refuse_too_many(float(np.sum(np.abs(count.astype(float)))), asked, 20)
-    for finest in (_COARSE, 0):  # with many lines, each part gets its own number
+    for finest in (_COARSE, 0):  # first divide segments of many lines into parts, then the parts into lines
         parts = np.minimum(count, finest) if finest else count
         which = np.repeat(np.arange(parts.size), parts)
         place = np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -64,8 +64,17 @@ def lines_of(drive: Drive, duration: float, tolerance: float) -> PiecewiseLinear
 
 
 def _wanted(drive: Drive, segment: Index, start: Array, length: Array, tolerance: float) -> Index:
-    """Return the number of equal lines for each part of a segment (start and length in s, tolerance in V).
-    The error of a line over h is h²/8 of the second derivative, for which a bound is used."""
+    """Return the number of equally long lines that each part of a segment needs.
+
+    The error of a line over the time h is at most h²/8 times the second derivative, for which a bound is
+    used.
+
+    Args:
+        drive: segment table.
+        segment: index of the segment of each part.
+        start, length: s, of each part.
+        tolerance: V.
+    """
     c2, c3 = drive.polynomial[segment, 2], drive.polynomial[segment, 3]
     near = start - drive.start[segment]
     far = near + length
@@ -78,7 +87,8 @@ def _wanted(drive: Drive, segment: Index, start: Array, length: Array, tolerance
 
 
 def _values(drive: Drive, segment: Index, t: Array) -> Array:
-    """Return the values of the formulas of these segments at times t, also at their ends."""
+    """Return the values [V] of a drive at times t [s], each computed by the formula of the given segment,
+    also at its end."""
     tau = t - drive.start[segment]
     c0, c1, c2, c3 = drive.polynomial[segment].T
     values = c0 + tau * (c1 + tau * (c2 + tau * c3))
@@ -89,7 +99,8 @@ def _values(drive: Drive, segment: Index, t: Array) -> Array:
 
 
 def _harmonics(drive: Drive, segment: Index) -> Iterator[tuple[Index, Index]]:
-    """Yield, for each j, the rows of the j-th harmonic and the segments that have it."""
+    """Yield, for j = 0, 1, ..., the table rows of the j-th harmonic, and the indices of the entries of
+    `segment` that have one."""
     count = np.diff(drive.first)[segment]
     for j in range(int(count.max(initial=0))):
         has = np.flatnonzero(count > j)
@@ -120,5 +131,6 @@ def clipped(lines: PiecewiseLinear, low: float, high: float) -> PiecewiseLinear:
 
 
 def jumps(lines: PiecewiseLinear) -> tuple[Array, Array]:
-    """Return the jumps at each bound except the last [V], the first from rest, and their times."""
+    """Return the jumps [V] at the start of each line (at the first one from the value before t = 0), and
+    their times [s]."""
     return lines.values - np.append(lines.before, lines.ends[:-1]), lines.bounds[:-1]

@@ -16,7 +16,7 @@ def white_noise(
 
     Args:
         count: number of samples.
-        density: unit/√Hz.
+        density: root of the power spectral density, in units of the signal per √Hz.
         sample_rate: Hz.
         random: generator of random numbers.
     """
@@ -26,15 +26,19 @@ def white_noise(
 def random_walk(
     count: int, drift: float, sample_rate: float, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Return a drift [count]: a random walk from 0 whose standard deviation after a time t is drift √t, with
-    drift in unit/√s."""
+    """Return a drift [count]: a random walk that starts at 0.
+
+    Its standard deviation after the time t is drift √t, with `drift` in units of the signal per √s.
+    `sample_rate` is in Hz, `random` a generator of random numbers.
+    """
     steps = random.standard_normal(count) * (drift / math.sqrt(sample_rate))
     steps[:1] = 0.0
     return np.cumsum(steps)
 
 
 def delayed(signal: NDArray[np.float64], sample_rate: float, delay: float) -> NDArray[np.float64]:
-    """Return the signal [n] delayed by `delay` s; before the start it equals its first sample."""
+    """Return the signal [n], sampled at `sample_rate` [Hz], delayed by `delay` [s]; before the start the
+    signal equals its first sample."""
     if delay == 0.0:
         return signal
     times = np.arange(signal.size, dtype=float)

@@ -1,6 +1,6 @@
-"""Output stage of a drive: from a program's values to the voltage at the piezo.
+"""Output stage of a drive: converter and amplifier, from a program's values to the voltage at the piezo.
 
-Step tables, loops and searches for drives know the hardware only through this record.
+Step tables, loops and searches for drives know the hardware only through the record `OutputStage`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .driven import driven_period
 FEWEST = 4  # fewest updates in a period
 _INF = math.inf
 _RATE = Quantity("Hz", "f_DA", "updates per second", above=0)
-_FAR = 1e9  # V, range of an amplifier that limits only the slope
+_FAR = 1e9  # V, output range, never reached, of an amplifier that limits only the slope
 
 
 @record
@@ -65,13 +65,15 @@ class OutputStage(NamedTuple):
 
     @classmethod
     def of_amplifier(cls, amplifier: Amplifier, capacitance: float | str) -> OutputStage:
-        """Return the limits of an amplifier into a capacitance [F]; its current is the steady one."""
+        """Return an output stage with the limits of an amplifier into a capacitance [F]; its current limit is
+        the steady (rms) one."""
         current = min(amplifier.max_current, amplifier.rms_current)
         farad = to_si(capacitance, "F", "capacitance")
         return cls(slew_rate=amplifier.slew_rate, current=current, capacitance=farad, amplifier=amplifier)
 
     def with_converter(self, other: OutputStage) -> OutputStage:
-        """Return these limits and this amplifier behind the converter of another output stage."""
+        """Return an output stage with this amplifier and its limits, and the converter of another output
+        stage."""
         return self._replace(
             update_rate=other.update_rate,
             points=other.points,
@@ -81,30 +83,35 @@ class OutputStage(NamedTuple):
 
     @property
     def updates(self) -> bool:
-        """Return True if the output changes at updates only."""
+        """Return True if the output stage has a converter, so that the output changes only at its updates."""
         return math.isfinite(self.update_rate)
 
     @property
     def slope(self) -> float:
-        """Return the largest slope of a drive, V/s."""
+        """Return the largest slope of a drive that slew rate and current allow, V/s; infinite without
+        limits."""
         return min(self.slew_rate, self.current / self.capacitance if self.capacitance else _INF)
 
     @property
     def lag(self) -> float:
-        """Return the time constant of the amplifier into the piezo, s."""
+        """Return the time constant of the amplifier into the piezo, s; 0 without an amplifier."""
         if self.amplifier is None or self.capacitance is None:
             return 0.0
         return float(limits(self.amplifier, self.capacitance).tau)
 
     def played_period(self, period: Any) -> Any:
-        """Return periods [s] as the converter outputs them, each the nearest whole number of updates."""
+        """Return periods [s] as the converter outputs them: rounded to a whole number of updates, at least
+        one. Without a converter they are unchanged."""
         if not self.updates:
             return period
         return np.maximum(np.rint(np.asarray(period) * self.update_rate), 1.0) / self.update_rate
 
     def played(self, waveform: Waveform, low: float, high: float) -> Sampled:
-        """Return one period, repeated without end, as the converter outputs it: the nearest whole number of
-        updates long, rounded to steps within the voltages `low` to `high`."""
+        """Return one period of a waveform as the converter outputs it, repeated without end.
+
+        The period is rounded to a whole number of updates, and the voltages to steps within `low` to `high`
+        [V].
+        """
         period = float(waveform.period)  # type: ignore[attr-defined]
         count = round(self.played_period(period) * self.update_rate)
         at = np.arange(count) * (period / count)
@@ -117,7 +124,8 @@ class OutputStage(NamedTuple):
         )
 
     def at_piezo(self, waveform: Waveform) -> Waveform:
-        """Return the voltage at the piezo under an endless periodic waveform, in the periodic state."""
+        """Return the voltage at the piezo, after the amplifier or slope limit, under an endless periodic
+        waveform in the periodic state."""
         if self.amplifier is not None and self.capacitance is not None:
             return driven_period(self.amplifier, waveform, self.capacitance)
         if not math.isfinite(self.slope):
@@ -126,12 +134,16 @@ class OutputStage(NamedTuple):
         return driven_period(Amplifier(1.0, 0.0, _INF, self.slope, _INF, -_FAR, _FAR), waveform, farad)
 
     def behind(self, waveform: Waveform) -> Waveform:
-        """Return the voltage at the piezo when a program outputs an endless periodic waveform; raise
-        QuantityError for a period of too few or too many updates."""
+        """Return the voltage at the piezo, after converter and amplifier, when a program outputs an endless
+        periodic waveform.
+
+        Raises:
+            QuantityError: a period has too few or too many updates.
+        """
         if not self.updates:
             return self.at_piezo(waveform)
         low, high = waveform.range()
-        half = 0.5 * self.step  # a converter rounds to the nearest step, which may exceed the drive's range
+        half = 0.5 * self.step  # the nearest step may be beyond the drive's range
         played = self.played(waveform, low - half, high + half)
         count, period = played.times.size, float(waveform.period)  # type: ignore[attr-defined]
         if not FEWEST <= count <= self.points:
@@ -149,5 +161,6 @@ def output_of(given: OutputStage | float | str) -> OutputStage:
 
 
 def codes_within(step: float, low: float, high: float) -> tuple[float, float]:
-    """Return the numbers of the first and the last converter step within two voltages [V]."""
+    """Return the numbers (multiples of `step` [V]) of the first and the last converter step from `low` to
+    `high` [V]."""
     return math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)

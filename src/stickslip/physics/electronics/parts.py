@@ -25,7 +25,8 @@ _TOP = {"title": str, "citations": list, "kind": str}
 class Part:
     """An amplifier or a stack with the sources of its numbers.
 
-    `record` is the `Amplifier` or `Stack`; `entries` has value and source of each number as written.
+    `record` is the `Amplifier` or `Stack`; `entries` contains value and source of each number as written in
+    the file.
     """
 
     name: str
@@ -46,8 +47,8 @@ class Part:
 
 
 def available_parts(kind: str = "") -> tuple[str, ...]:
-    """Return the names of the parts that come with the package; of one kind ("amplifier", "stack"), or
-    all."""
+    """Return the names of the parts that come with the package, of one kind ("amplifier", "stack") or, by
+    default, of both."""
     names = sorted(file.stem for file in _PARTS.glob("*.toml"))
     return tuple(name for name in names if not kind or load_part(name).kind == kind)
 

@@ -56,11 +56,12 @@ class Stack(NamedTuple):
 
     @property
     def time_constant(self) -> float:
-        """Return the thermal time constant, s."""
+        """Return the thermal time constant, thermal resistance multiplied by heat capacity, s."""
         return self.thermal_resistance * self.heat_capacity
 
     def cycle_loss(self, swing: ArrayLike) -> Array:
-        """Return the loss of a closed cycle with this swing [V], J, in an array of its shape."""
+        """Return the hysteresis loss of closed cycles, J, for their swings (peak to peak) [V], in the same
+        shape."""
         u = np.abs(array_si(swing, "V", "swing"))
         more = 1.0 + (self.loss_factor - 1.0) * u / self.full_voltage
         return 0.25 * math.pi * self.capacitance * self.loss_tangent * more * u * u
@@ -94,17 +95,25 @@ class TemperatureDependence(NamedTuple):
                 )
 
     def gain_factor(self, temperature: float | str | ArrayLike) -> Array:
-        """Return the gain relative to that at the reference temperature; raise QuantityError outside the
-        range."""
+        """Return the gain at temperatures [K] relative to that at the reference temperature, in their shape.
+
+        Raises:
+            QuantityError: a temperature is outside the range.
+        """
         return 1.0 + self.gain * self._above(temperature)
 
     def capacitance_factor(self, temperature: float | str | ArrayLike) -> Array:
-        """Return the capacitance relative to that at the reference temperature; raise QuantityError outside
-        the range."""
+        """Return the capacitance at temperatures [K] relative to that at the reference temperature, in their
+        shape.
+
+        Raises:
+            QuantityError: a temperature is outside the range.
+        """
         return 1.0 + self.capacitance * self._above(temperature)
 
     def _above(self, temperature: float | str | ArrayLike) -> Array:
-        """Return the temperature difference from the reference, K."""
+        """Return the difference of temperatures [K] from the reference temperature, K; raise QuantityError
+        outside the range."""
         kelvin = array_si(temperature, "K", "temperature")
         if not np.all((kelvin >= self.low) & (kelvin <= self.high)):
             worst = float(kelvin.flat[np.argmax(np.abs(kelvin - 0.5 * (self.low + self.high)))])

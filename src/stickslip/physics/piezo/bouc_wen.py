@@ -52,7 +52,8 @@ class BoucWen(NamedTuple):
 
     @property
     def least_slope(self) -> float:
-        """Return dH/du just after a reversal at a large stroke."""
+        """Return the smallest slope dH/du, that just after a reversal at a large stroke; the model has an
+        inverse if it is above 0."""
         return 1.0 - self.alpha * max(1.0, 2.0 * self.beta / (self.beta + self.gamma))
 
     def at_rest(self, drive: float) -> float:
@@ -64,7 +65,7 @@ class BoucWen(NamedTuple):
 
         Args:
             drive: V, shape (n,).
-            rest: V at which it rested before the first sample, reached from 0 V.
+            rest: voltage of a long rest before the first sample, reached from 0 V without a reversal.
 
         Raises:
             QuantityError: a sample, or `rest`, is not a finite voltage.
@@ -72,8 +73,15 @@ class BoucWen(NamedTuple):
         return output(self, drive, rest)
 
     def inverse(self, wanted: ArrayLike, rest: float | str = 0.0) -> Array:
-        """Return the drive [V], shape (n,), for which `output` equals `wanted` [V]. Raises QuantityError as
-        that."""
+        """Return the drive [V], shape (n,), for which `output` equals `wanted` [V].
+
+        Args:
+            wanted: V, shape (n,).
+            rest: see `output`.
+
+        Raises:
+            QuantityError: a sample, or `rest`, is not a finite voltage.
+        """
         w, at = samples(wanted, "wanted"), REST.check(rest, "rest")
         found = np.empty(w.size)
         rows = contiguous(w), at, rested(self, at), self.least_slope, doubles(found, "found", True)

@@ -26,10 +26,10 @@ from ...quantities.units import QuantityError, to_si
 
 Array = NDArray[np.float64]
 
-# Approximate number of terms per decade of the logarithmic law, which then deviates from a straight line by
-# 0.02 of g.
+# Approximate number of terms per decade of time for logarithmic creep. The sum of so many terms deviates from
+# a straight line over the logarithm of time by 0.02 of g.
 PER_DECADE = 2
-FEWEST = 2  # fewest terms: their spacing needs two
+FEWEST = 2  # smallest number of terms, from which their spacing follows
 
 
 @registry.piezos.add
@@ -52,15 +52,16 @@ class Creep(NamedTuple):
 
     @classmethod
     def logarithmic(cls, per_decade: float, begin: float | str = 0.1, end: float | str = 100.0) -> Creep:
-        """Return logarithmic creep by `per_decade` (a share) from `begin` to `end`, s."""
+        """Return logarithmic creep from `begin` to `end`, s, that adds the fraction `per_decade` of the
+        stroke in each decade of time."""
         times = spread(to_si(begin, "s", "begin"), to_si(end, "s", "end"))
         share = to_si(per_decade, "", "per_decade") * distance(times)
         return cls(tuple(times.tolist()), (share,) * times.size)
 
     @property
     def per_decade(self) -> float:
-        """Return the mean share per decade of time: the argument of `logarithmic`. A single term counts for
-        half a decade."""
+        """Return the mean fraction of the stroke per decade of time, the argument of `logarithmic`. A single
+        term counts for half a decade."""
         return sum(self.shares) / len(self.shares) / distance(self.time_constants)
 
 
@@ -73,7 +74,7 @@ def spread(begin: float, end: float) -> Array:
 
 
 def distance(times: Sequence[float] | Array) -> float:
-    """Return the mean distance of time constants [s] in decades.
+    """Return the mean distance of ascending time constants [s] in decades; half a decade for a single one.
 
     Each term of the logarithmic law represents this span.
     """
@@ -96,15 +97,15 @@ def lag_change(tau, step, x, before, after):
 
 
 def struct_of(tau: Array, shares: Array) -> Any:
-    """Return creep terms (time constants tau [s], shares of the gain) as a C struct for the engine; it is
-    valid as long as the arrays exist."""
+    """Return creep terms (time constants tau [s], shares of the gain) as a C struct for the engine; the
+    arrays must exist as long as the struct."""
     sized("shares", shares, tau.size)
     return ffi.new("struct lags *", (tau.size, doubles(tau, "time constants"), doubles(shares, "shares")))
 
 
 def relaxed(lags: Lags, times: Array, values: Array, x: Array, out: Array) -> None:
-    """Compute first-order lags of a signal that is linear between samples, exactly, into out[sample, lag];
-    the states x are replaced by those at the end."""
+    """Compute first-order lags of a signal that is linear between samples, exactly, into out[sample, lag].
+    The states x [lags] are replaced by those at the end."""
     sized("x", x, lags.tau.size)
     sized("out", out, times.size * x.size)
     sized("values", values, times.size)
@@ -113,8 +114,11 @@ def relaxed(lags: Lags, times: Array, values: Array, x: Array, out: Array) -> No
 
 
 def before_creep(lags: Lags, times: Array, values: Array, shares: Array, x: Array, out: Array) -> None:
-    """Compute the input h of creep whose total is `values` at the times, into `out`: h plus the sum of shares
-    and lags of h. h is linear between samples, and the states x are replaced by those at the end."""
+    """Invert creep: compute, into `out`, the signal h for which h plus the sum of shares and lags of h equals
+    `values` at the times [s].
+
+    h is linear between samples. The lags' states x are replaced by those at the end.
+    """
     sized("x", x, lags.tau.size)
     sized("out", out, times.size)
     sized("values", values, times.size)

@@ -33,7 +33,7 @@ from .operators import REST, samples
 Array = NDArray[np.float64]
 
 EXACT = 1e-9  # V, largest error of h over one step
-# V, at which the compiled functions of a model are compared with its own.
+# Voltages, V, at which the compiled functions of a model are compared with its Python functions.
 _VOLTS = (0.0, 1e-6, 0.01, 1.0, 7.0, 100.0)
 
 
@@ -90,7 +90,7 @@ def is_duhem(candidate: object) -> bool:
 
 
 def functions(model_type: type) -> dict[str, Any]:
-    """Return the Python function of each role that a model has."""
+    """Return the Python functions that a model has, by role ("slope", "way", "corner")."""
     made = _IMPLEMENTATIONS[model_type]._asdict()
     return {role: function for role, function in made.items() if function is not None}
 
@@ -102,7 +102,7 @@ def _inputs(role: str) -> list[tuple[float, ...]]:
     return [(h, u, goal) for h in volts for u in volts for goal in volts]
 
 
-# Functions of a model in `struct duhem`, with their declarations there.
+# Interface of such models: the roles in the C struct `duhem`, with their arguments.
 DUHEM = Interface(
     name="duhem",
     noun="piezo model",
@@ -121,7 +121,7 @@ DUHEM = Interface(
 
 
 class EngineModel:
-    """A model in the engine's form."""
+    """A registered piezo model in the form that the functions of the engine take."""
 
     def __init__(self, model: Any) -> None:
         self._law = law_of(model, interface=DUHEM)
@@ -129,7 +129,7 @@ class EngineModel:
         self._struct: Any = ffi.new("struct duhem_model *", (self._law.pointer, self._numbers, EXACT))
 
     def call(self, function: Any, *arguments: Any) -> Any:
-        """Call a function of the engine with this model.
+        """Call a function of the engine with this model and further arguments; return its result.
 
         Raises:
             BaseException: the error that the model's Python function has raised.
@@ -142,14 +142,16 @@ class EngineModel:
 
 
 def duhem_response(model: Any, drive: Array, u: float, h: float, out: Array) -> None:
-    """Compute H at each sample of the drive into `out`, starting from the drive u and the state h."""
+    """Compute the output H [V] at each sample of the drive [V] into `out`, starting from the drive u and the
+    hysteretic part h, both in V."""
     sized("out", out, drive.size)
     function, of = library().stickslip_duhem_response, EngineModel(model)
     of.call(function, drive.size, contiguous(drive), u, h, doubles(out, "out", True))
 
 
 def rested(model: Any, drive: float) -> float:
-    """Return h [V] at a drive value [V] that was reached from 0 V without a reversal."""
+    """Return the hysteretic part h [V] of a registered model at a drive value [V] that was reached from 0 V
+    without a reversal."""
     found = np.empty(1)
     duhem_response(model, np.array([float(drive)]), 0.0, 0.0, found)
     return float(drive) - float(found[0])
@@ -161,7 +163,7 @@ def output(model: Any, drive: ArrayLike, rest: float | str = 0.0) -> Array:
     Args:
         model: a registered record.
         drive: V, shape (n,).
-        rest: V at which it rested before the first sample, reached from 0 V.
+        rest: voltage of a long rest before the first sample, reached from 0 V without a reversal.
 
     Raises:
         QuantityError: a sample, or `rest`, is not a finite voltage.

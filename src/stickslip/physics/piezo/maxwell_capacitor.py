@@ -66,8 +66,11 @@ class MaxwellCapacitor(NamedTuple):
             )
 
     def stops(self) -> tuple[Array, Array]:
-        """Return widths ρ_j [V] and shares a_j of the stop operators on e = u + T y/C_0, [elements]; if
-        fields are arrays of members, [elements, members]."""
+        """Return widths ρ_j [V] and shares a_j of the stop operators that act on e = u + T y/C_0 under
+        voltage control.
+
+        Both have the shape [elements], or [elements, members] if fields are arrays of members.
+        """
         every = np.array(np.broadcast_arrays(*self.stiffnesses, *self.breakaways, self.capacitance))
         n = len(self.stiffnesses)
         k, v, c_0 = every[:n], every[n:-1], every[-1]
@@ -77,7 +80,8 @@ class MaxwellCapacitor(NamedTuple):
 
     @property
     def operators(self) -> Operators:
-        """Return plays of the charge [C]: the voltage across the elements is Σ k_i q minus their output."""
+        """Return the elements as plays of the charge [C]: the voltage across the elements is Σ k_i q minus
+        the plays' output."""
         k, v, none = np.array(self.stiffnesses), np.array(self.breakaways), np.zeros(0)
         return Operators(v / k, k, none, none, none)
 
@@ -114,8 +118,8 @@ class MaxwellCapacitor(NamedTuple):
             raise QuantityError(
                 f"capacitance = {farad} F, gain = {gain} m/V and stiffness = {stiffness} N/m must be > 0"
             )
-        slope = np.cumsum(w)  # of the plays on the initial curve, between the thresholds
-        wanted = np.cumsum(np.diff(r) * slope[:-1])  # their output where each starts to move
+        slope = np.cumsum(w)  # slopes of the initial curve of the plays, between the thresholds
+        wanted = np.cumsum(np.diff(r) * slope[:-1])  # output of the plays where each starts to move
         charge = farad + gain**2 * stiffness  # charge per volt of the plays' output
         lost = -np.diff(1.0 / slope)
         return cls(

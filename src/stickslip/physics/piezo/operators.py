@@ -45,7 +45,7 @@ class Operators(NamedTuple):
 
 
 def samples(values: ArrayLike, field: str) -> Array:
-    """Return samples [n] in V from numbers or from values with units.
+    """Return `values`, numbers in V or values with units, as voltages [n]; `field` names them in messages.
 
     Raises:
         QuantityError: another unit, not a list of numbers, or a number that is not finite.
@@ -70,24 +70,25 @@ def beyond(u, s):
 
 
 def struct_of(plays: Operators) -> Any:
-    """Return the operators as a C struct for the engine; it is valid as long as their arrays exist."""
+    """Return the operators as a C struct for the engine; their arrays must exist as long as the struct."""
     threshold, weight, zone, slope, skew = (doubles(row, "operators") for row in plays)
     sizes = plays.threshold.size, plays.zone.size
     return ffi.new("struct plays *", (*sizes, threshold, weight, zone, slope, skew))
 
 
 def skewed(plays: Operators, u: float) -> float:
-    """Return v, the input of the plays, for the drive value u."""
+    """Return the input v of the plays, V, for the drive u, V."""
     return library().stickslip_plays_skewed(struct_of(plays), u)
 
 
 def unskewed(plays: Operators, v: float) -> float:
-    """Return the drive value u for which the input of the plays is v."""
+    """Return the drive u, V, for which the input of the plays is v, V."""
     return library().stickslip_plays_unskewed(struct_of(plays), v)
 
 
 def response(plays: Operators, drive: Array, z: Array, out: Array) -> None:
-    """Compute H at each sample of a drive into `out`; the states z are replaced by those at the end."""
+    """Compute the output H [V] of the operators at each sample of a drive [V], into `out`; the plays' states
+    z [V] are replaced by those at the end."""
     sized("z", z, plays.threshold.size)
     sized("out", out, drive.size)
     arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
@@ -95,8 +96,8 @@ def response(plays: Operators, drive: Array, z: Array, out: Array) -> None:
 
 
 def states(plays: Operators, drive: Array, z: Array, out: Array) -> None:
-    """Compute the state of each play at each sample of a drive, into out[sample, play]; z are replaced by
-    those at the end."""
+    """Compute the state of each play [V] at each sample of a drive [V], into out[sample, play]; the states z
+    are replaced by those at the end."""
     sized("z", z, plays.threshold.size)
     sized("out", out, drive.size * z.size)
     arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
@@ -104,8 +105,8 @@ def states(plays: Operators, drive: Array, z: Array, out: Array) -> None:
 
 
 def inverse(plays: Operators, wanted: Array, u: float, z: Array, out: Array) -> None:
-    """Compute the drive [V] at which H equals `wanted` at each sample, into `out`, starting from the drive u
-    and the states z; NaN if no drive gives it."""
+    """Compute the drive [V] at which the output H equals `wanted` [V] at each sample, into `out`; NaN if
+    there is none. The drive starts at u [V], with the plays' states z [V]."""
     sized("z", z, plays.threshold.size)
     sized("out", out, wanted.size)
     arrays = doubles(z, "z", True), doubles(out, "out", True)

@@ -78,24 +78,26 @@ class PrandtlIshlinskii(NamedTuple):
 
     @property
     def least_slope(self) -> float:
-        """Return dH/du just after a reversal, at the voltage at which it is least."""
+        """Return the smallest slope dH/du just after a reversal, over all voltages; the model has an inverse
+        if it is above 0."""
         at_once = self.weights[0] if self.thresholds[0] == 0.0 else 0.0
         return float(np.min(at_once * self._shares + np.cumsum((0.0, *self.slopes))))
 
     @property
     def _shares(self) -> Array:
-        """Return dv/du before the first dead zone, and beyond each."""
+        """Return the slope dv/du of the plays' input: before the first dead zone, and beyond each."""
         return np.cumsum((1.0, *(self.skews or (0.0,) * len(self.dead_zones))))
 
     @property
     def operators(self) -> Operators:
-        """Return thresholds, weights and slopes of the operators as arrays [V, -]."""
+        """Return the operators in the engine's form, as arrays."""
         skews = self.skews or (0.0,) * len(self.dead_zones)
         rows = (self.thresholds, self.weights, self.dead_zones, self.slopes, skews)
         return Operators(*(np.array(row, dtype=float) for row in rows))
 
     def rested(self, drive: float) -> Array:
-        """Return the states z [V] at a drive value [V] that was reached from 0 V without a reversal."""
+        """Return the states z of the plays [V] at a drive value [V] that was reached from 0 V without a
+        reversal."""
         return rested(np.array(self.thresholds), skewed(self.operators, float(drive)))
 
     def corners(self, drive: float, up: float) -> Array:
@@ -110,7 +112,7 @@ class PrandtlIshlinskii(NamedTuple):
 
         Args:
             drive: V, shape (n,).
-            rest: V at which it rested before the first sample, reached from 0 V.
+            rest: voltage of a long rest before the first sample, reached from 0 V without a reversal.
 
         Raises:
             QuantityError: a sample, or `rest`, is not a finite voltage.
