@@ -1,4 +1,4 @@
-"""Reports: a document as plain data, written as one HTML file and one JSON file."""
+"""Reports: a document as plain data, written as one HTML file, one JSON file and the figures."""
 
 from .._lazy import attach
 

@@ -1,4 +1,4 @@
-"""Report of a calibration."""
+"""Report of a sensor's calibration: coefficients, errors, and choice of the polynomial's order."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from .figures.style import svg
 def calibration_document(
     calibration: Calibration, table: CalibrationTable, left_out: Mapping[int, float]
 ) -> Document:
-    """Return the report of a calibration: coefficients, errors, and points left out.
+    """Return the report of a calibration: coefficients, errors, and choice of the order.
 
     Args:
         calibration: calibration fitted to the table.
-        table: the readings (after an earlier calibration, if this one corrects it).
-        left_out: rms error at points left out, by order, from `cross_validation`.
+        table: the readings (after an earlier calibration, if this one corrects it) and the true values.
+        left_out: rms error at points left out of the fit, by the polynomial's order, from
+            `cross_validation`; empty without a comparison of orders.
     """
     unit, keys = calibration.y_unit, keys_in(table.source)
     errors = calibration.standard_errors or (None,) * len(calibration.coefficients)

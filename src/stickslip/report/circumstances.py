@@ -15,8 +15,11 @@ _LIBRARIES = ("numpy", "scipy", "xarray", "pandas", "h5netcdf", "matplotlib", "j
 
 @dataclass(frozen=True)
 class Circumstances:
-    """Circumstances of a report: date and time `made` in ISO 8601 with the time zone, machine, `versions` by
-    name, `elapsed` time in s (None: not measured)."""
+    """Circumstances of a report.
+
+    `made` is date and time in ISO 8601 with the time zone, `command` the user's command line, `elapsed` the
+    duration of the work in s (None: not measured), `versions` those of libraries by name.
+    """
 
     made: str
     command: str
@@ -26,7 +29,10 @@ class Circumstances:
 
 
 def circumstances(command: str = "", elapsed: float | None = None) -> Circumstances:
-    """Return time, machine and versions of the installed libraries."""
+    """Return the present time, the machine and the versions of installed libraries, for a report.
+
+    `command` is the user's command line, `elapsed` the duration of the work in s (None: not measured).
+    """
     versions = {"stickslip": __version__, "Python": platform.python_version()}
     for name in _LIBRARIES:
         try:

@@ -50,7 +50,8 @@ class Number:
             raise DocumentError(f"the number {self.value!r} {self.unit} has one end of an interval only")
 
 
-# A number in a cell is in the unit of its column; text needs none; None is an empty cell.
+# Content of a table's cell: text; a number in the unit of its column; a `Number` with its own unit; None for
+# an empty cell.
 Cell = str | float | Number | None
 
 
@@ -219,7 +220,10 @@ def joined(*documents: Document) -> Document:
 
 
 def begun_by(document: Document, text: str) -> Document:
-    """Return the document with a paragraph at the start of its first section; unchanged without a text."""
+    """Return the document with the paragraph `text` at the start of its first section.
+
+    The document is returned unchanged if the text is empty.
+    """
     if not text:
         return document
     head, *others = document.sections
@@ -227,8 +231,10 @@ def begun_by(document: Document, text: str) -> Document:
 
 
 def in_turns(part: Any) -> Any:
-    """Return a document, or a part of one, in units and words of an angle: rad for m, torque for force. The
-    numbers stay."""
+    """Return a document, or a part of one, for a rotary actuator: rad for m, "torque" for "force".
+
+    Only units and names are replaced; the values of the numbers stay.
+    """
     if isinstance(part, Column):
         unit = part.unit if part.unit is None else ANGLE.unit(part.unit)
         return replace(part, unit=unit, name=ANGLE.name(part.name))
@@ -249,8 +255,11 @@ def _flat(sections: Sequence[Section]) -> list[Section]:
 
 
 def _freeze(part: Any, where: str, names: Sequence[str]) -> None:
-    """Convert sequences to tuples; raise an error for a single text, which would be taken for a sequence of
-    letters."""
+    """Convert the fields `names` of a part to tuples, so that the part cannot change.
+
+    Raises DocumentError for a single text, which would be taken for a sequence of letters. `where` names the
+    part in the message.
+    """
     for name in names:
         value = getattr(part, name)
         if isinstance(value, str):

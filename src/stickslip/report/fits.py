@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 
 def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
-    """Return each parameter with its standard error and confidence interval; a fixed one has neither."""
+    """Return each parameter's value with its standard error and confidence interval, by name.
+
+    A fixed parameter has neither. `level` is the probability of the interval.
+    """
     errors, intervals = fit.standard_errors, fit.confidence_intervals(level)
     wider = systematic_numbers(fit, level)
     found = {}
@@ -35,14 +38,16 @@ def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
     return found
 
 
-# Largest number of rows of a parameter table; of more parameters, the first ones are shown, such as the poles
-# of modes.
+# A fit with more than `MOST_ROWS` parameters, such as one of many modes, shows the first `FIRST_ROWS` in its
+# table.
 MOST_ROWS, FIRST_ROWS = 60, 30
 
 
 def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
-    """Return a table of the estimates of a fit with their intervals; below it, in words, undetermined
-    parameters."""
+    """Return a table of a fit's parameters with their confidence intervals of the probability `level`.
+
+    Its notes say, in sentences, whether the search converged, and which parameters are undetermined.
+    """
     columns = (
         Column("parameter"),
         Column(f"estimate [{100 * level:g} % interval]"),
@@ -70,7 +75,7 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
 
 
 def _wider(number: Number) -> Number | None:
-    """Return the value with the interval that includes systematic errors."""
+    """Return the value with the interval that includes systematic errors; None if there is no such one."""
     if number.both is None:
         return None
     return Number(number.value, number.unit, *number.both, level=number.level)
@@ -81,9 +86,10 @@ def fit_summary(fit: Fit, fitted: int, failures: Sequence[str], verified: str = 
 
     Args:
         fit: the fit.
-        fitted: number of its recordings.
-        failures: sentences, beside those on systematic errors and the remarks.
-        verified: a sentence on recordings that were not fitted.
+        fitted: number of fitted recordings.
+        failures: sentences on unmet requirements. Those on systematic errors and the fit's remarks are
+            appended.
+        verified: a sentence on recordings that were not fitted, with a leading space; "" for none.
     """
     sentences = (*failures, *(one.sentence for one in fit.systematics), *fit.remarks)
     return (
@@ -116,7 +122,7 @@ def _sentence(text: str) -> str:
 
 
 def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
-    """Return all numbers of a fit for results.json; `unit` is that of the data."""
+    """Return all numbers of a fit for results.json; `unit` is that of the measured channel."""
     units = {p.name: p.unit for p in fit.shown}
     return {
         "parameters": estimates(fit, level),
@@ -164,7 +170,7 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
 
 
 def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
-    """Return the advice on a missing term as numbers and texts, for results.json."""
+    """Return the advice of a fit on a missing term of the model, for results.json; None without advice."""
     if advice is None:
         return None
     return {
@@ -179,7 +185,7 @@ def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
 
 
 def disturbance_numbers(one: Disturbance) -> dict[str, Any]:
-    """Return an instrument's fault that the residuals show, for results.json."""
+    """Return a fault of the instruments that the residuals show, such as a jump, for results.json."""
     return {
         "kind": one.kind,
         "recording": one.name,

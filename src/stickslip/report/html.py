@@ -22,7 +22,13 @@ _EMPTY = "–"
 
 
 def report_html(document: Document, made: Circumstances, *, beside: bool = True) -> str:
-    """Return the text of report.html; with `beside` it refers to the results.json next to it."""
+    """Return the text of report.html.
+
+    Args:
+        document: content of the report.
+        made: date, machine and versions.
+        beside: refer to results.json in the same folder; False for a notebook, which has no such file.
+    """
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent, encoding="utf-8"),
         autoescape=True,
@@ -43,7 +49,10 @@ def report_html(document: Document, made: Circumstances, *, beside: bool = True)
 
 
 def _joined(value: Any) -> Any:
-    """Return the text with per cent signs joined to their numbers, so that no line starts with one."""
+    """Return a text with no-break spaces before per cent signs, so that no line starts with one.
+
+    Other values are returned unchanged.
+    """
     return type(value)(re.sub(r"(?<=\d) %", "\u00a0%", value)) if isinstance(value, str) else value
 
 
@@ -63,13 +72,18 @@ def significant(value: float, digits: int = 4) -> str:
 
 
 def _digits(value: float, own: Scale, digits: int) -> str:
-    """Return a number as `significant` does; but a plain number such as r² = 0.9999935 is not shown as 1."""
+    """Return a number as text like `significant`, but a number close to 1, such as r², not rounded to 1."""
     return near_one(value, digits) if not own.unit and 0.9 < value < 1.0 else significant(value, digits)
 
 
 def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> Markup:
-    """Return a number with its interval and unit as HTML; the unit is left out if a column's scale gives
-    it."""
+    """Return a number with its interval and unit as HTML; for a missing value (NaN), its note.
+
+    Args:
+        number: the number, SI.
+        scale: scale of its table column, whose head shows the unit; None: chosen here, with the unit.
+        digits: significant digits, if the number has no interval.
+    """
     own = scale or scale_for(number.unit, number.value)
     value = _shown(number.value, own)
     if math.isnan(value) and number.note:
@@ -87,8 +101,11 @@ def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> 
 
 
 def _to_same_decimals(value: float, low: float, high: float, digits: int) -> tuple[str, ...]:
-    """Return value and ends of an interval as texts, with as many decimals as give its width two digits. The
-    ends of an interval that is wider than the value have two digits each."""
+    """Return a value and the ends of its interval as texts with the same number of decimals.
+
+    The interval's width then has at least two digits, and the value `digits`. If the interval is wider than
+    the value, or very narrow, the ends have two significant digits each.
+    """
     width = high - low
     if not (1e-4 < abs(value) < 1e7 and 1e-9 * abs(value) < width < abs(value)):
         return significant(value, digits), significant(low, 2), significant(high, 2)
@@ -97,7 +114,7 @@ def _to_same_decimals(value: float, low: float, high: float, digits: int) -> tup
 
 
 def _shown(value: float, scale: Scale) -> float:
-    """Return a value in the scale; counts stay whole."""
+    """Return a value multiplied by the scale's factor; a factor of 1 leaves integers as integers."""
     return value if scale.factor == 1.0 else value * scale.factor
 
 
@@ -135,7 +152,7 @@ def _numeric(table: Table, i: int) -> bool:
 
 
 def table_body(table: Table) -> list[list[tuple[Markup, bool]]]:
-    """Return the text of each cell, with True for a number."""
+    """Return the text of each cell, row by row, with True for a cell of a column of numbers."""
     scales = _scales(table)
     return [
         [

@@ -12,22 +12,23 @@ from ..quantities.records import quantities
 if TYPE_CHECKING:
     import xarray as xr
 
-# Limits of the model, without effect on its motion.
+# Fields of an actuator that limit the allowed voltage, and have no effect on a simulated motion.
 _LIMITS = ("min_voltage", "max_voltage")
 
 
 class Origin(NamedTuple):
-    """Assumptions of a model, a sentence each, and BibTeX of its sources."""
+    """Assumptions on values of a model that were not fitted, a sentence each, and BibTeX of its sources."""
 
     assumptions: list[str]
     citations: str
 
 
 def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collection[str] = ()) -> Origin:
-    """Return the origin of a model's values for a report on recordings.
+    """Return the origin of a model's values that were not fitted, for a report on recordings.
 
-    A parameter set of this package belongs to another actuator, unless the recordings name it, as those of a
-    virtual rig and of simulations do. In that case its assumptions do not apply to the measured actuator.
+    If the recordings name the model's parameter set, as those of a virtual rig and of simulations do, the
+    set's assumptions are listed. Otherwise a set of this package belongs to another actuator: then each value
+    that was taken from it is listed as an assumption.
 
     Args:
         model: its `name` is the parameter set.
@@ -65,8 +66,11 @@ def _of_any(model: Actuator, field: str) -> bool:
 
 
 def _scaled(model: Actuator, field: str) -> str:
-    """Return a sentence on the effect of a wrong mass: without reaction on the stage, a motion only shows
-    ratios to it."""
+    """Return the end of a sentence on a wrong end-effector mass; "" for other fields.
+
+    If the friction does not act back on the stage, a motion depends only on the ratios of friction force and
+    stiffness to the mass, so the fitted friction is proportional to the assumed mass.
+    """
     if field != "end_effector_mass" or model.stage_reaction:
         return ""
     return "; the friction that is found, forces and stiffness, is in proportion to it"

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..recording.replacing import replaced_whole
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome", "chrome", "msedge")
-_SECONDS = 120.0
+_SECONDS = 120.0  # s after which the browser is ended
 
 
 class PdfError(ValueError):
@@ -45,7 +45,8 @@ def write_pdf(page: Path, browser: str = "") -> Path:
         PdfError: there is no browser, or it fails.
     """
     browser, target = browser or find_browser(), page.with_suffix(".pdf")
-    # As root, such as in a container, Chromium refuses to use its sandbox. The page is our own.
+    # As root, such as in a container, Chromium does not start with its sandbox. The page needs none: it was
+    # written by this package.
     alone = ["--no-sandbox"] if getattr(os, "geteuid", lambda: 1)() == 0 else []
     with tempfile.TemporaryDirectory() as profile:
         made = Path(profile) / "made.pdf"

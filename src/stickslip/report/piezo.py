@@ -19,12 +19,15 @@ from .fits import fit_numbers
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of samples after an edge of the drive that loops leave out.
+# Number of samples after a jump of the drive that the drawn loops leave out.
 AFTER = 10
 
 
 def hysteresis_numbers(fit: Fit, straight: Fit) -> dict[str, Any]:
-    """Return the fit, the piezo model, and the residual of a straight line, for results.json."""
+    """Return the numbers of a fit of hysteresis and creep, for results.json.
+
+    `straight` is the fit of a linear piezo to the same recordings, for comparison of the residuals.
+    """
     unit = fit.recordings[0].unit
     piezo = getattr(fit.model, "piezo", fit.model)
     return {
@@ -39,14 +42,16 @@ def hysteresis_numbers(fit: Fit, straight: Fit) -> dict[str, Any]:
 
 
 def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -> list[Picture]:
-    """Return figures of the loops of the first recording, measured and fitted, and of the complete recording
-    over time."""
+    """Return two figures of the first recording, measured and fitted: its loops, and its stroke over time.
+
+    `name` is the start of the figures' names.
+    """
     one, unit = recordings[0], fit.recordings[0].unit
     assert fit.predict is not None
     shown = fit.predict(one)
     measured = one[fit.observed].values
     drive = one["drive_voltage"].values
-    # a sensor's delay must not look like a loop
+    # Samples just after a jump are left out: a sensor's delay would look like a hysteresis loop.
     still = np.convolve(edges(drive), np.ones(AFTER))[: drive.size] == 0
     still[:AFTER] = False  # the recording may start with an edge
     voltage = drive[still]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _MOST_LINES = 7  # largest number of lines in a figure
-_BEFORE, _AFTER = 3e-3, 7e-3  # s around the trigger
+_BEFORE, _AFTER = 3e-3, 7e-3  # s before and after the trigger that the detail shows
 
 
 def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> Document:
@@ -60,7 +60,7 @@ def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> 
 
 
 def recorded_assumptions(recorded: Sequence[Recorded]) -> list[str]:
-    """Return assumptions about actuator and bench of an experiment, by field."""
+    """Return the assumptions about actuator and bench of an experiment, as texts "field = words"."""
     found = [f"{field} = {words}" for field, words in recorded[0].cell.actuator.assumptions.items()]
     bench = recorded[0].cell.bench
     if bench:

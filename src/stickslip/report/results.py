@@ -23,7 +23,7 @@ KIND = "stickslip results, version 1"
 
 @dataclass(frozen=True)
 class Ends:
-    """An interval."""
+    """An interval; an infinite end is null."""
 
     low: float | None
     high: float | None
@@ -32,7 +32,7 @@ class Ends:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value with its unit. A result may say more of it in further fields."""
+    """A value with its unit. Some results have further fields."""
 
     value: float | list[Any] | None = field(
         metadata={"description": "A number or an array, SI. Null where there is none; `reason` says why."}
@@ -128,7 +128,10 @@ def results_json(document: Document, made: Circumstances) -> str:
 
 
 def _given(record: Any) -> dict[str, Any]:
-    """Return the given fields of a record; null counts as a value, and so does the unit of a text column."""
+    """Return the fields of a record that results.json contains: all but optional ones that are None.
+
+    The ends of an interval are always contained: an infinite end is null.
+    """
     optional = {name for name, one in record.__dataclass_fields__.items() if one.default is None}
     if getattr(record, "level", None) is not None:
         optional -= {"low", "high"}  # an end that is infinite is null
@@ -155,8 +158,7 @@ def _number(number: Number) -> Quantity:
 
 
 def _quantity(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a mapping with value and unit, with null and a reason in place of values that JSON does not
-    have."""
+    """Return a mapping with value and unit for JSON; NaN and infinity become null, with a "reason"."""
     strict = {key: _strict(value) for key, value in found.items()}
     if strict["value"] is None and "reason" not in strict:
         strict["reason"] = strict.get("note") or _missing(found["value"])
@@ -189,8 +191,10 @@ def _strict(value: Any) -> Any:
 
 
 def _numbers(node: Any, path: str) -> Any:
-    """Return nested numbers for JSON. Texts and booleans may occur among them; a number without a unit may
-    not."""
+    """Return nested numbers for JSON; texts and booleans may occur among them.
+
+    `path` is the place in the document, for the message. Raises DocumentError for a number without a unit.
+    """
     if isinstance(node, Number):
         return _number(node)
     if isinstance(node, Mapping):

@@ -13,7 +13,7 @@ def thresholds_table(policy: Any, caption: str, unit: str = "m") -> Table:
     """Return a table with a row for each threshold of a record such as `Judgement` or `Plausibility`.
 
     Args:
-        policy: the thresholds.
+        policy: record of the thresholds.
         caption: consequence of exceeding them, in words.
         unit: unit of positions, m or rad.
     """
@@ -25,7 +25,7 @@ def thresholds_table(policy: Any, caption: str, unit: str = "m") -> Table:
 
 
 def threshold_numbers(policy: Any) -> dict[str, Number]:
-    """Return the thresholds by name for results.json."""
+    """Return the thresholds of a record such as `Judgement` by name, for results.json."""
     return {name: Number(getattr(policy, name), q.unit) for name, q in quantities(type(policy)).items()}
 
 

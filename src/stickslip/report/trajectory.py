@@ -1,4 +1,4 @@
-"""Report of a simulation."""
+"""Report of a simulation: motion, results, parameters and their origin."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def trajectory_document(
     Args:
         model, waveform: simulated model and drive.
         trajectory: result of `simulate`.
-        steady_step: net displacement per period of the periodic motion, m; None without one.
+        steady_step: net displacement per period of the periodic motion, m or rad; None if not computed.
     """
     name = model.name or type(model).__name__
     numbers = _results(trajectory)
@@ -122,10 +122,13 @@ def _title(key: str) -> str:
 
 
 def _entries(record: Any, prefix: str = "", owner: Any = None) -> Iterator[tuple[str, str, str, Any]]:
-    """Yield field, symbol, meaning and value (a `Number` if it has a unit) of all fields, including the
-    law's."""
+    """Yield name, symbol, meaning and value (a `Number` if it has a unit) of all fields of a record.
+
+    The fields of a friction law follow with the prefix "friction.". `prefix` is put before each name; `owner`
+    is the actuator of a law, which decides between linear and rotary units.
+    """
     known = quantities_of(record, owner)
-    of_drive = getattr(record, "unit", "V")  # fields of a waveform in V are in m if the waveform is
+    of_drive = getattr(record, "unit", "V")  # the drive of a pulled slider is in m instead of V
     for name, value in record._asdict().items():
         if is_law(value):
             yield f"{prefix}{name}", "", "friction law", type(value).__name__
@@ -142,7 +145,10 @@ def _entries(record: Any, prefix: str = "", owner: Any = None) -> Iterator[tuple
 
 
 def _origins(model: Actuator | PulledSlider) -> dict[str, str]:
-    """Return the source of each field's value; empty for a model that does not come from a parameter set."""
+    """Return the source of each field's value, in words, by field.
+
+    Empty for a model that does not come from a parameter set.
+    """
     if not model.name:
         return {}
     entries = load_set(model.name).entries()

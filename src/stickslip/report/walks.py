@@ -40,10 +40,15 @@ def walk_document(
     notes: str = "",
     progress: Progress = unheard,
 ) -> Document:
-    """Return the report of a fit to walks: its parameters, and each recording, by name, with the model's
-    prediction.
+    """Return the report of a fit to walks: its parameters, and each recording with the model's prediction.
 
-    `model` is the initial model of the fit; its assumptions and citations are listed.
+    Args:
+        title: title of the report.
+        fit: the fit.
+        model: initial model of the fit, whose assumptions and citations are listed.
+        walks: all recordings by name, fitted or only predicted.
+        notes: a paragraph for the section of the parameters; "" for none.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
     """
     rows, pictures, numbers = [], [], {}
     unit = fit.recordings[0].unit

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @drawn
 def calibration_curve(calibration: Calibration, x: ArrayLike, y: ArrayLike) -> Figure:
-    """Draw the curve with the readings and, below, the errors of the readings within the prediction band.
+    """Draw the calibration's polynomial with the readings; below, errors of the readings and prediction band.
 
     Args:
         calibration: calibration fitted to the table; without degrees of freedom it has no band.

@@ -34,8 +34,8 @@ _LEFT = "95 % for the model, by the errors of its parameters"
 class Trace(NamedTuple):
     """A position over time, measured and by the model, arrays of shape (n,) in s and m, or rad.
 
-    `parameters` is the half width of the model's uncertainty by the errors of the parameters, `band` that of
-    the interval for a new sample.
+    `parameters` is the half-width of the 95 % interval of the model's position due to the parameters' errors.
+    `band` is the half-width of the 95 % interval of a new sample. 0: not drawn.
     """
 
     time: ArrayLike
@@ -74,8 +74,11 @@ def step_responses(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
 def _between(
     axes: Axes, x: NDArray[np.float64], half: NDArray[np.float64], label: str, edge: float = 0.0
 ) -> None:
-    """Draw the uncertainty band of the model, if there is one: behind the residuals, with its edges in front
-    of them."""
+    """Draw a band of plus and minus `half` over `x`, for the model's uncertainty, behind the residuals.
+
+    Nothing is drawn if `half` is 0. `edge` is the width of lines at its edges in points, 0 for none; they lie
+    in front of the residuals.
+    """
     if np.any(half > 0.0):
         width = np.broadcast_to(half, x.shape)
         how = {"color": VERMILLION, "rasterized": x.size > 1000}
@@ -108,7 +111,7 @@ def walks(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
                 trace(below, clock(time), side * band, color=MEASURED, lw=0.6).set_rasterized(True)
         _between(below, clock(time), small(np.asarray(t.parameters, dtype=float)), _LEFT, edge=0.9)
         noise = trace(below, clock(time), small(model - measured), color=BLUE, lw=0.5, alpha=0.55)
-        noise.set_rasterized(True)  # bands are drawn as pixels: as vectors they would be most of a report
+        noise.set_rasterized(True)  # as pixels: as vectors the curves would be most of a report's bytes
         above.set_title(name)
         below.set_xlabel(clock.label("time"))
         below.locator_params(axis="x", nbins=4)

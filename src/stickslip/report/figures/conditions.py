@@ -14,7 +14,7 @@ from .style import BLUE, MEASURED, WIDTH, drawn, legend_above, shown
 if TYPE_CHECKING:
     import xarray as xr
 
-# Largest number of conditions that are named; more are only counted.
+# Largest number of conditions whose names are drawn.
 MOST_NAMED = 12
 
 
@@ -22,8 +22,9 @@ MOST_NAMED = 12
 def draw_conditions(
     names: Sequence[str], values: Mapping[str, NDArray[Any]], label: str, unit: str, sign: float = 1.0
 ) -> NDArray[Any]:
-    """Draw one row for each condition, sorted with the worst of the first values on top; more than
-    `MOST_NAMED` are not named.
+    """Draw a goal in each condition, one row each; the worst condition of the first series is on top.
+
+    More than `MOST_NAMED` conditions are drawn without names.
 
     Args:
         names: names of the conditions.
@@ -55,7 +56,7 @@ def draw_conditions(
 
 @drawn
 def draw_front(table: xr.Dataset) -> NDArray[Any]:
-    """Draw the second goal over the first.
+    """Draw a Pareto front: the second goal over the first, one point for each drive.
 
     Args:
         table: `table` of a `design.Front`.

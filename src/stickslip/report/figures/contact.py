@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from .scale import scale_for
 from .style import BLUE, GREEN, MEASURED, VERMILLION, WIDTH, drawn
 
-BINS = 60
-# Share of the samples of a distribution left out at each end.
+BINS = 60  # number of bars of a histogram
+# Share of the samples of a distribution that is left out at each end of the axis.
 TAIL = 0.002
 COLOURS = (BLUE, GREEN)
 
@@ -24,13 +24,14 @@ Samples = Mapping[str, ArrayLike]
 def prior_and_posteriors(
     prior: Samples, cases: Mapping[str, Mapping[str, Samples]], truths: Mapping[str, Samples], units: Samples
 ) -> Figure:
-    """Draw densities over a logarithmic axis, in a row for each case and a column for each parameter.
+    """Draw histograms of prior and posterior, in a row for each case and a column for each parameter.
 
     Args:
-        prior: samples of each parameter, SI; a grey shade in each panel.
-        cases: by title, distributions by their names ("without", "with"), each samples of each parameter.
-        truths: by title, the true value of each parameter, dashed.
-        units: their SI units, by name.
+        prior: samples of each parameter by name, SI; drawn as a grey shade in each panel.
+        cases: by title of the case, up to two posteriors by their names ("without", "with"), each with
+            samples of each parameter.
+        truths: by title, the true value of each parameter, drawn as a dashed line.
+        units: SI unit of each parameter.
     """
     names = list(prior)
     figure = Figure(figsize=(WIDTH, 1.0 + 1.6 * len(cases)))
@@ -71,5 +72,5 @@ def prior_and_posteriors(
 
 
 def _even(samples: np.ndarray) -> np.ndarray:
-    """Return weights with which the bars of a histogram show shares of all samples."""
+    """Return equal weights with sum 1, so that the bars of a histogram show shares of all samples."""
     return np.full(samples.size, 1.0 / samples.size)

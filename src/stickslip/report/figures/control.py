@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_MOST_POINTS = 20_000
+_MOST_POINTS = 20_000  # a longer recording is drawn with every n-th sample
 
 
 @drawn
@@ -48,13 +48,13 @@ def closed_loop(recording: xr.Dataset, phases: Sequence[tuple[str, float]] = ())
 
 @drawn
 def approach(recording: xr.Dataset, target: float, begin: float, windows: Sequence[float]) -> Figure:
-    """Draw the remaining distance to the target over time, on a logarithmic scale, with the windows.
+    """Draw the remaining distance to the target over time, on a logarithmic scale, with tolerance windows.
 
     Args:
         recording: result of `rig.regulate`.
-        target: m.
+        target: target position, m or rad.
         begin: start of the shown time, s.
-        windows: half-widths, m.
+        windows: half-widths of windows about the target, in the target's unit, drawn as lines.
     """
     part = recording.sel(time=slice(begin, None))
     figure, (axes,) = panels([3.0])

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import QuadMesh
 
-# Number of contours; largest number of panels of a figure; share of the opposite sign above which zero has
-# its own colour.
-CONTOURS = 6
-MOST_PANELS = 12
-# Share of the greatest value that counts as zero where the line of zero step is drawn.
+CONTOURS = 6  # approximate number of contours of an image
+MOST_PANELS = 12  # largest number of panels of a figure
+# Fraction of the greatest magnitude up to which values count as zero. The line of zero step is not drawn
+# between such values.
 BESIDE_ZERO = 0.02
+# Smallest ratio of the extreme values of both signs at which the colours are symmetric about zero.
 SEEN = 0.2
-NO_STEP, HATCH = "#E2E2E2", "#9A9A9A"
+NO_STEP, HATCH = "#E2E2E2", "#9A9A9A"  # colours of points without a steady step
 
 
 def is_map(data: Any) -> bool:
@@ -36,8 +36,9 @@ def is_map(data: Any) -> bool:
 
 @drawn
 def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> NDArray[Any]:
-    """Draw a variable of a map: over one dimension a line with its 95 % band, over two an image with
-    contours, with a panel for each value of the others.
+    """Draw a variable of a map: over one dimension lines with 95 % bands, over two an image with contours.
+
+    Images have a panel for each combination of values of the further dimensions.
 
     Points without a steady step are hatched, and left out of lines.
 
@@ -90,7 +91,7 @@ def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> 
 
 @drawn
 def draw_load_speed(data: xr.Dataset, axes: Any = None) -> NDArray[Any]:
-    """Draw the speed over the load, with the mechanical power against it.
+    """Draw two panels: the speed, and the mechanical power delivered to the load, over the load.
 
     Args:
         data: result of `design.load_speed_curve`.
@@ -109,7 +110,10 @@ def draw_load_speed(data: xr.Dataset, axes: Any = None) -> NDArray[Any]:
 
 
 def _panels(axes: Any, count: int, height: float, one_column: bool = False) -> list[Axes]:
-    """Return the given axes, or those of a new figure."""
+    """Return the user's axes, or those of a new figure with `count` panels.
+
+    `height` is that of a panel in inches. More than one panel are in two columns unless `one_column` is set.
+    """
 
     def new() -> list[Axes]:
         columns = 1 if one_column or count == 1 else 2
@@ -124,7 +128,10 @@ def _panels(axes: Any, count: int, height: float, one_column: bool = False) -> l
 
 
 def _limits(values: NDArray[Any]) -> tuple[float, float, str]:
-    """Return ends and colour map: symmetric about zero if both signs are visible."""
+    """Return lowest and highest value of the colours, and the name of the colour map.
+
+    They are symmetric about zero if both signs occur with similar magnitudes, see `SEEN`.
+    """
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     if low < -SEEN * high and high > -SEEN * low:
@@ -167,7 +174,7 @@ def _picture(
 
 
 def _largest_beside(z: NDArray[Any]) -> NDArray[Any]:
-    """Return the largest magnitude among each point and its neighbours."""
+    """Return, for each point of a map, the largest magnitude among it and its eight neighbours."""
     padded = np.pad(np.nan_to_num(np.abs(z)), 1)
     return np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).max(axis=(2, 3))
 
@@ -183,7 +190,7 @@ def _axis(panel: Axes, data: xr.Dataset, name: str, way: str) -> NDArray[Any]:
 
 
 def _in_ratios(values: NDArray[Any]) -> bool:
-    """Return True if ratios of neighbouring values vary less than their differences."""
+    """Return True if values are spaced logarithmically: their ratios vary less than their differences."""
     if values.size < 3 or not values.min() > 0.0:
         return False
     steps = [np.diff(np.sort(some)) for some in (np.log(values), values)]
@@ -191,7 +198,10 @@ def _in_ratios(values: NDArray[Any]) -> bool:
 
 
 def _lines(panel: Axes, data: xr.Dataset, quantity: str, over: str, others: list[str], value: Scale) -> None:
-    """Draw a line with its band for each combination of the others."""
+    """Draw a variable over the dimension `over`: a line with its band for each combination of `others`.
+
+    `others` are the further dimensions, `value` is the scale of the variable.
+    """
     x = _axis(panel, data, over, "x")
     stacked = data.stack(line=others) if others else data.expand_dims("line")
     if stacked.sizes["line"] > len(SERIES):

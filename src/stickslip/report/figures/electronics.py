@@ -14,12 +14,12 @@ from .style import BLUE, DASHES, GREEN, MEASURED, VERMILLION, WIDTH, drawn, pane
 if TYPE_CHECKING:
     import xarray as xr
 
-_BINS = 400  # number of intervals of a long run over which means are drawn
+_BINS = 400  # number of equal intervals of a long run, for each of which a mean is drawn
 
 
 @drawn
 def starved(asked: Waveform, runs: dict[str, xr.Dataset], edge: float, zoom: float) -> Figure:
-    """Draw voltage and current compared with the requested drive; at the right, one slip edge.
+    """Draw an amplifier's voltage and current, compared with the requested drive; right, one slip edge.
 
     Args:
         asked: requested drive, V.
@@ -58,7 +58,7 @@ def starved(asked: Waveform, runs: dict[str, xr.Dataset], edge: float, zoom: flo
 
 @drawn
 def heat(run: xr.Dataset) -> Figure:
-    """Draw current (rms), loss (mean) and temperature over a run of many periods.
+    """Draw rms current, mean loss power and temperature of a piezo stack over a run of many periods.
 
     Args:
         run: result of `electronics.electrical`.

@@ -14,7 +14,7 @@ from .style import BLUE, MEASURED, drawn, trace
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of events in a panel.
+# Number of stick-slip events that a panel shows.
 _SHOWN = 6.0
 
 
@@ -22,7 +22,7 @@ _SHOWN = 6.0
 def event_prediction(
     traces: Mapping[str, tuple[xr.Dataset, xr.Dataset]], *, name: str = "spring force / weight"
 ) -> Figure:
-    """Draw the force over time, measured and simulated.
+    """Draw the measured and the simulated force over time, a panel for each condition.
 
     Args:
         traces: by condition, the measured and the simulated recording; both have `force_ratio`, and the

@@ -59,12 +59,15 @@ def draw_fit(fit: Fit, axes: Any = None) -> Any:
 
 
 def called(observed: str) -> str:
-    """Return the name of a channel for an axis."""
+    """Return the name of a channel in words, for an axis; "measured" for an empty name."""
     return observed.replace("_", " ").replace("end effector", "end-effector") or "measured"
 
 
 def _noise(fit: Fit, i: int) -> tuple[Any, str]:
-    """Return the standard deviation of the noise of a recording, in its unit, and its origin in words."""
+    """Return the noise's standard deviation in the recording `i`, in its unit, and a legend with its origin.
+
+    It was given, or comes from the lack-of-fit test, or is the rms residual.
+    """
     given = fit.known[i].given if fit.known else None
     if given is not None:
         return given, "95 % of the noise that was given"

@@ -76,7 +76,7 @@ def frequency_response(
         polar(axes[0], axes[1], response.frequency, response.value, scale, **line)
     axes[0].set_yscale("log")
     moduli = scale(np.concatenate([np.abs(np.asarray(value)) for value in everything]))
-    axes[0].set_ylim(bottom=0.5 * moduli[moduli > 0.0].min())  # not down to where the bands have no lower end
+    axes[0].set_ylim(bottom=0.5 * moduli[moduli > 0.0].min())  # the bands reach far below the curves
     axes[0].set_ylabel(scale.label(name))
     axes[1].set_ylabel("phase (°)")
     axes[1].yaxis.set_major_locator(MaxNLocator(5, steps=[1, 1.5, 3, 4.5, 9, 10]))
@@ -129,8 +129,10 @@ def _band(panel: Axes, response: Response, scale: Scale, colour: str) -> None:
 def _residuals(
     measured: Mapping[str, Response], models: Mapping[str, Response]
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return frequencies and |model - measured| for each model that covers the frequencies of the measured
-    response."""
+    """Return frequencies [Hz] and |model - measured| by label, for models of a measured response.
+
+    Models that do not cover the measured frequencies are left out.
+    """
     found = {}
     for label, model in models.items():
         if label not in measured:

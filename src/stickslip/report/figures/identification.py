@@ -63,7 +63,11 @@ def _residuals(
     noise: ArrayLike | None = None,
     known_by: str = "",
 ) -> None:
-    """Draw the residual panel: one trace per model around zero, on its own scale."""
+    """Draw the residuals of each model (model minus measured) over `x`, on a scale of their own.
+
+    `noise` is the standard deviation of the measured values; a band of two of them is drawn, labelled
+    `known_by`.
+    """
     differences = [values - measured for values in models.values()]
     scale = scale_for(unit, *differences)
     panel.axhline(0.0, **_ZERO)
@@ -112,9 +116,10 @@ def beside(
     noise: ArrayLike | None = None,
     known_by: str = "",
 ) -> None:
-    """Draw as `fit_with_residuals`, on existing axes.
+    """Draw data, models and residuals as `fit_with_residuals` does, on two existing axes.
 
-    A band of two deviations of the noise [n], in `unit`, is drawn about the residuals, labelled `known_by`.
+    `noise` is the standard deviation of the measured values in `unit`, a number or [n]. A band of two of them
+    is drawn about zero in the panel of the residuals, labelled `known_by`.
     """
     t, data, models = np.asarray(time, dtype=float), np.asarray(measured, dtype=float), _models(model)
     above, below = axes

@@ -14,8 +14,9 @@ from .style import SERIES, WIDTH, drawn, trace
 
 @drawn
 def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]], unit: str = "m") -> Figure:
-    """Draw stroke over voltage, and the deviation of each from a straight line between its ends, in percent
-    of its stroke.
+    """Draw stroke over voltage, and its deviation from a straight line in percent of the stroke.
+
+    The line joins the points at the lowest and at the highest voltage of a loop.
 
     Args:
         loops: voltage [V] and stroke, arrays (n,), by label.

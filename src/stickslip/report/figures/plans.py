@@ -21,6 +21,9 @@ _MOST_VOLTAGES = len(SERIES)
 def draw_plan(plan: xr.Dataset, axes: Any = None) -> NDArray[Any]:
     """Draw two panels: the gain of each candidate over frequency, and the half-widths of the intervals.
 
+    The gain is the standard error of the goal by the default recording over that by the candidate, in equal
+    time.
+
     Args:
         plan: `Plan.dataset`.
         axes: two Matplotlib axes; by default those of a new figure.

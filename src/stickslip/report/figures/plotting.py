@@ -26,7 +26,8 @@ from .waveforms import draw_waveforms
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Variables drawn for members over the varied one; parameters come before it.
+# Results of an ensemble that are drawn over its varied parameters. In the dataset the parameters come before
+# the result.
 _RESULTS = {"net_step": "net step per period", "net_displacement": "net displacement"}
 _DECADES = 30.0  # ratio of a parameter's values above which its axis is logarithmic
 
@@ -76,7 +77,7 @@ def _over_phase(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 
 def _panels(axes: Any, count: int, height: float) -> NDArray[Any]:
-    """Return the given axes, or those of a new figure of panels one above the other."""
+    """Return the user's axes, or those of a new figure with `count` panels of `height` inches in a column."""
     return panels_given(
         axes, count, lambda: shown(WIDTH, height * count).subplots(count, 1, sharex=True, squeeze=False)
     )
@@ -145,7 +146,7 @@ def _open_loop(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 @drawn
 def bode(model: Any, frequencies: ArrayLike | None = None, axes: Any = None) -> NDArray[Any]:
-    """Draw gain and phase over frequency.
+    """Draw gain and phase of a model over frequency.
 
     Args:
         model: an `Actuator` whose contact sticks, a `Fit` of one, a modal model, a `StateSpace`, or a
@@ -213,7 +214,10 @@ def _over_members(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 
 def _map(panel: Axes, x: NDArray[Any], y: NDArray[Any], value: NDArray[Any], label: str) -> None:
-    """Draw a full grid as coloured cells, other members as dots; points without a value stay white."""
+    """Draw values over two parameters: coloured cells for a complete grid, else coloured dots.
+
+    Points without a value stay white.
+    """
     across, up = np.unique(x), np.unique(y)
     cells = np.full((up.size, across.size), np.nan)
     cells[np.searchsorted(up, y), np.searchsorted(across, x)] = value

@@ -16,8 +16,8 @@ from .style import BLUE, VERMILLION, drawn
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-BINS = 36
-INSIDE = (0.9, 0.5)
+BINS = 36  # number of bars of a histogram, and of cells along each axis of a pair
+INSIDE = (0.9, 0.5)  # shares of the samples that the contours contain
 
 
 @drawn

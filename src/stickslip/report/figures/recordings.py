@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_MOST = 4  # panels
+_MOST = 4  # largest number of panels; further variables are not drawn
 
 
 @drawn

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 R = TypeVar("R")
 
-# Okabe and Ito's palette: told apart with any colour vision. Yellow is left out, it is lost on white.
+# Okabe and Ito's palette, whose colours people with any colour vision can distinguish. Yellow is left out: it
+# cannot be seen on white.
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 ORANGE, SKY, BLACK = "#E69F00", "#56B4E9", "#000000"
 SERIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
@@ -35,10 +36,10 @@ SHADE = "#F0EFEA"  # marks a part of the time axis, such as the fitted part
 DASHES = ("-", (0, (5, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)))
 
 WIDTH = 7.0  # inches, width of a page's text
-# Number of points above which a trace becomes pixels within the SVG, to keep it small; and of markers, which
-# take more.
+# Number of points of a line, and number of markers, above which a trace is drawn as pixels within the SVG, to
+# keep the file small. A marker takes more bytes than a point.
 MANY_POINTS, MANY_MARKERS = 5000, 1000
-DOTS_PER_INCH = 200
+DOTS_PER_INCH = 200  # resolution of traces that are drawn as pixels
 LONGEST_TEXT = 500  # largest number of characters of a title or label; 120,000 take 8 s to draw
 
 _STYLE: dict[str, Any] = {
@@ -92,8 +93,10 @@ def drawn(make: Callable[P, R]) -> Callable[P, R]:
 
 
 def shown(width: float, height: float) -> Figure:
-    """Return a figure for interactive use: a notebook shows it below its cell, ``pyplot.show()`` in a
-    window."""
+    """Return a new figure for interactive use; width and height in inches.
+
+    A notebook shows it below its cell, ``pyplot.show()`` in a window.
+    """
     from matplotlib import pyplot  # only here, because pyplot keeps all its figures
 
     return pyplot.figure(figsize=(width, height), layout="constrained")
@@ -152,7 +155,10 @@ def legend_above(axes: Axes, columns: int = 4) -> None:
 
 
 def shade(axes: Iterable[Axes], spans: Iterable[tuple[float, float]], label: str) -> None:
-    """Mark parts of the horizontal axis, in the units of the axis; the first panel names them."""
+    """Shade spans (start, end) of the horizontal axis in all panels; the first panel has the label.
+
+    The spans are in the units that the axis shows.
+    """
     for row, panel in enumerate(axes):
         for i, (start, end) in enumerate(spans):
             panel.axvspan(start, end, color=SHADE, lw=0, zorder=0, label=label if row == i == 0 else None)

@@ -35,8 +35,10 @@ _REACH = 0.2e-6  # m, twelve presliding distances
 
 
 def demonstration(samples: int = 4001) -> dict[str, xr.Dataset]:
-    """Return simulations of LuGre under the parabola with the four damping settings, by the number of the
-    thesis's figure."""
+    """Return simulations of LuGre friction with four settings of damping, by the thesis's figure number.
+
+    The displacement is the parabola x = a t²/2, with `samples` samples.
+    """
     time = np.linspace(0.0, np.sqrt(2.0 * _REACH / PARABOLA), samples)
     laws = {
         "3.1": DEMONSTRATION._replace(sigma_2=0.0),
@@ -64,7 +66,7 @@ def static_laws(laws: Mapping[str, Any], speed: float) -> Figure:
         held = breakaway(law)
         for way in (1.0, -1.0):
             trace(panel, velocity(way * v), force(way * moving[name]), color=BLUE)
-            if moving[name][0] < 0.99 * held:  # the force falls as soon as it moves
+            if moving[name][0] < 0.99 * held:  # a law whose force drops when sliding starts
                 panel.plot(0.0, force(way * moving[name][0]), "o", mfc="white", mec=BLUE, zorder=3)
         panel.plot([0.0, 0.0], force([-held, held]), color=VERMILLION, lw=2.4, solid_capstyle="butt")
         panel.set_title(name, loc="left")

@@ -18,7 +18,11 @@ COLOURS = (BLUE, MEASURED)
 
 
 def draw_waveforms(data: xr.Dataset, panels: NDArray[Any]) -> NDArray[Any]:
-    """Draw the voltage above and the position below, a line for each drive, over one period of time.
+    """Draw voltage and end-effector position over one period, a line for each drive.
+
+    Args:
+        data: periodic motions over "drive" and "phase", with the "period" of each drive [s].
+        panels: two axes, for voltage and position.
 
     Raises:
         QuantityError: the dataset lacks a variable.

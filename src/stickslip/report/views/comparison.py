@@ -17,7 +17,8 @@ from ..viewing import document_of
 
 # The usual model of such actuators [kang2007, ch. 3], with constant steady friction.
 USUAL = "LuGre"
-# Relative difference of errors on unseen recordings below which models are equal.
+# Relative difference of rms errors on recordings that were not fitted, below which two models count as
+# equally good.
 SAME = 0.01
 
 
@@ -52,7 +53,11 @@ def _plain(number: float) -> str:
 
 
 def conclusion(choice: Comparison) -> str:
-    """Return a sentence with numbers on whether the usual choice of model is confirmed."""
+    """Return a sentence with numbers on whether the recordings confirm the usual choice, the LuGre model.
+
+    They do if its error on recordings that were not fitted is within `SAME` of the least error, and its BIC
+    within 10 of the least.
+    """
     table = choice.table
     rmse, bic = table["verification_rmse"], table["bic"] - table["bic"].min()
     best, least = choice.best, float(rmse.min())
@@ -80,8 +85,8 @@ def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) 
     """Return a section with the ranking of the models, and whether it confirms the usual choice.
 
     Args:
-        found: the models.
-        marks: r² of other authors for such data, by the text in the table.
+        found: the compared models.
+        marks: r² that other authors reached on such data, by their description in the table.
     """
     table, marks = found.table, marks or {}
     n_data = next(iter(found.fits.values())).n_data
@@ -113,7 +118,7 @@ def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) 
 
 
 def _ranking_table(found: Comparison, marks: Mapping[str, float]) -> Table:
-    """Return the models by their error on unseen recordings."""
+    """Return a table of the models, sorted by their rms error on recordings that were not fitted."""
     table = found.table
     lowest = {key: float(table[key].min()) for key in ("aic", "bic")}
     labels, keys = list(found.fits), ("r_squared", "verification_r_squared", "verification_rmse")

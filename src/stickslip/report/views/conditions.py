@@ -12,7 +12,7 @@ from ..viewing import document_of
 
 @document_of.register
 def conditions_document(found: Conditions) -> Document:
-    """Return a comparison of the fits of all conditions."""
+    """Return a document that compares the parameters fitted under each condition."""
     table, names = found.table, [p.name for p in found.together.shown]
     own = [estimates(fit) for fit in found.fits]
     rows = [

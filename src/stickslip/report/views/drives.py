@@ -19,8 +19,8 @@ from ..figures.plotting import plot
 from ..figures.style import svg
 from ..viewing import document_of
 
-# Largest number of rows of a table (the worst conditions), and of points of a front; results.json has all of
-# them.
+# Largest number of rows of a table of conditions (the worst ones), and of drives of a front. results.json has
+# all of them.
 MOST_ROWS, MOST_POINTS = 30, 12
 STOPPED = "stopped before the end of the search: the best until then"
 
@@ -231,7 +231,7 @@ def _front_numbers(found: Front) -> dict[str, Any]:
 
 
 def arrays(values: Mapping[str, tuple[Any, str]]) -> dict[str, Any]:
-    """Return arrays with their units, for results.json."""
+    """Return arrays, given by name as (values, unit), in the form of results.json."""
     return {name: {"value": np.asarray(one), "unit": unit} for name, (one, unit) in values.items()}
 
 

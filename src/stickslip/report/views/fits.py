@@ -1,4 +1,4 @@
-"""View of a fit."""
+"""View of a fit: its parameters, and its recordings compared with the model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..fits import estimates, fit_numbers, fit_summary, parameter_table
 from ..thresholds import judgement_section
 from ..viewing import document_of
 
-MOST_DRAWN = 8  # recordings in one figure
+MOST_DRAWN = 8  # a fit of more recordings is shown without figures
 
 
 @document_of.register
@@ -44,7 +44,7 @@ def goodness_table(fit: Fit) -> Table:
 
 
 def _pictures(fit: Fit) -> list[Picture]:
-    """Return pictures of recordings and model, for a few recordings over time."""
+    """Return a picture of the recordings with the model; none for many recordings, or not over time."""
     over_time = all(t.size and t.size == r.size for t, r in zip(fit.times, fit.residuals, strict=True))
     if not over_time or len(fit.recordings) > MOST_DRAWN:
         return []

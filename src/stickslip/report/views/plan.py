@@ -1,4 +1,4 @@
-"""View of a planned experiment."""
+"""View of a planned experiment: recordings to make, and expected intervals of the parameters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..viewing import document_of
 
 @document_of.register
 def plan_document(plan: Plan) -> Document:
-    """Report of a plan: recordings, and the expected error of each parameter."""
+    """Return a document with the planned recordings, and the expected interval of each parameter."""
     section = Section(
         "Planned recordings",
         tables=(_recordings_table(plan), _parameters_table(plan)),

@@ -8,7 +8,7 @@ from ..figures.posterior import posterior_corner
 from ..figures.style import svg
 from ..viewing import document_of
 
-MOST_DRAWN = 8  # parameters of one figure
+MOST_DRAWN = 8  # largest number of parameters in the figure; further ones are not drawn
 
 
 @document_of.register

@@ -9,12 +9,12 @@ from ..figures.control import step_sizes
 from ..figures.style import svg
 from ..viewing import document_of
 
-_MANY = 1000  # steps over which the drift is stated
+_MANY = 1000  # number of steps for which the drift is stated
 
 
 @document_of.register
 def step_law_document(law: StepLaw) -> Document:
-    """Return the table of steps, their thresholds, scatter and drift."""
+    """Return a document with step sizes by voltage and direction, threshold voltages, scatter and drift."""
     most = law.voltages[-1]
     up, down = law.size(most, 1), law.size(most, -1)
     rows = [

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 
 def map_document(found: xr.Dataset) -> Document:
-    """Return step and speed over the varied quantities, with their maxima."""
+    """Return a document with maps of step and speed over the varied quantities, and their maxima.
+
+    `found` is the result of `step_map`.
+    """
     flags = str(found["status"].attrs["flag_meanings"]).split()
     counts = {name: int((found["status"] == i).sum()) for i, name in enumerate(flags)}
     size, left = int(found["status"].size), counts["not_computed"]
@@ -53,7 +56,7 @@ def map_numbers(found: xr.Dataset) -> dict[str, Any]:
 
 
 def map_pictures(found: xr.Dataset) -> list[Picture]:
-    """Return pictures of step and speed, then of further results, as many panels as fit on a page."""
+    """Return pictures of step and speed, then of further results of a map; none if they need many panels."""
     made = []
     dims = found["net_step"].dims
     panels = int(np.prod(sorted(found.sizes[d] for d in dims)[:-2])) if len(dims) > 2 else 1
@@ -77,7 +80,10 @@ def map_pictures(found: xr.Dataset) -> list[Picture]:
 
 
 def _best(found: xr.Dataset, name: str) -> dict[str, Any]:
-    """Return the value of the greatest size and its position; empty if all are NaN."""
+    """Return the "value" of a result with the greatest magnitude, and its coordinates "at".
+
+    Empty if all values are NaN.
+    """
     sizes = np.abs(found[name].values)
     if not np.any(np.isfinite(sizes)):
         return {}
@@ -92,7 +98,10 @@ def _place(best: dict[str, Any]) -> str:
 
 
 def _points_table(found: xr.Dataset, counts: dict[str, int]) -> Table:
-    """Return the number of points by status, with the reason of the first of each."""
+    """Return a table of the number of points of each status, with the reason given for the first point.
+
+    `counts` has the numbers by status, in the order of the status numbers.
+    """
     rows = []
     for i, (name, count) in enumerate(counts.items()):
         if count:

@@ -13,7 +13,7 @@ from ..figures.fits import called
 from ..fits import prediction_picture
 from ..viewing import document_of
 
-MOST_PICTURES = 8
+MOST_PICTURES = 8  # largest number of recordings with a figure
 
 
 @document_of.register
@@ -41,7 +41,10 @@ def verification_document(found: Verification) -> Document:
 
 
 def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
-    """Return a table of r², rms error and the error of the net step, one row for each recording."""
+    """Return a table of r², rms error and the error of the net step [%], one row for each recording.
+
+    `roles` are texts for a further column, one for each recording; without them there is no such column.
+    """
     table = found.table
     rows = []
     for i, name in enumerate(table["recording"].values):
