@@ -1,4 +1,4 @@
-"""Mover that takes commands while its loop runs: go, steps, scan, release.
+"""Mover that takes commands while its loop runs: go, steps, scan, jog, halt, release.
 
 It is built from plain numbers, so that it can run in the process that owns a rig; see `rig.ControllerSpec`.
 Until the first command the output stays at 0 V.
@@ -34,8 +34,9 @@ class Commanded:
         rate: update rate, Hz.
         gain: gain of the piezo, m/V.
         step: voltage step of the converter, V.
-        walk, table, pid: fields of `Stepping`, `StepSizes`, `Pid`.
-        notches, low_pass, slip: fields of `Notch`, `LowPass` and `Slip`.
+        walk, table, pid: fields of `Stepping`, `StepSizes`, `Pid` by name.
+        notches, low_pass, slip: fields of each `Notch`, of `LowPass` and of `Slip` by name; None: no
+            low-pass, and a jump as slip.
         unit: unit of positions: m, or rad for a rotary actuator.
         feedforward, lead, min_voltage, max_voltage: arguments of `Regulator`.
     """
@@ -72,8 +73,8 @@ class Commanded:
         # middle and half range of a scan (m or rad), its frequency [Hz] and its duration in ticks
         self._scan: tuple[float, float, float, int] | None = None
         self._scanned = 0
-        self._letting = -1  # ticks of the ramp to 0 V that are done; -1: no ramp was requested
-        self._ends = round(_LETTING_GO * rate)  # ticks of the whole ramp
+        self._letting = -1  # number of ticks since the ramp to 0 V started; -1: no ramp was requested
+        self._ends = round(_LETTING_GO * rate)  # number of ticks of the whole ramp to 0 V
         self._last = 0.0
         # number of ticks since the last "jog" command, and number after which its steps end
         self._silent, self._silence = 0, round(HEARTBEAT * rate)

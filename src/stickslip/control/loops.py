@@ -41,14 +41,15 @@ _WIDE = 0.2  # damping over frequency of a resonance above which the logarithmic
 _NARROW = 1e-9  # damping over frequency that is assumed for an undamped mode
 # largest number of states of a closed loop whose poles are computed; for more, the Nyquist criterion is used
 _STATES = 48
-_FINER, _ROUNDS = 13, 6  # frequencies between two where the sensitivity is largest, and number of refinements
+# number of frequencies in one refinement about the largest sensitivity, and largest number of refinements
+_FINER, _ROUNDS = 13, 6
 # A mode above this share of the update rate is aliased: if its frequency is wrong by 5 %, the aliased
 # frequency is wrong by up to 10 %. Notches are not placed there.
 NEAR_NYQUIST = 0.4
 # Share r of a vibration left after a tick below which a mode is not a resonance of the sampled loop: its peak
 # over its lowest response, (1 + r) / (1 - r), is then below 1.7.
 RINGS = 0.25
-SEEN = 1e-3  # smallest share of the stroke of a mode that is visible in a response
+SEEN = 1e-3  # share of a mode in the static stroke above which it is reported as aliased
 _EVEN = 1e-4  # relative change of the sensitivity below which no frequencies are added between two
 
 
@@ -101,7 +102,7 @@ def _about(roots: Iterable[complex], rate: float, ends: Array) -> list[Array]:
     """
     found = []
     for root in roots:
-        if abs(root.imag) < 1e-6 * abs(root):  # not a resonance
+        if abs(root.imag) < 1e-6 * abs(root):  # a real root is no resonance
             continue
         turn = abs(float(np.angle(root)))
         fading = max(abs(math.log(max(abs(root), 1e-300))), _NARROW * turn)
@@ -279,9 +280,10 @@ class OpenLoop(NamedTuple):
     def _turns(self, factor: float) -> bool:
         """Return True if the closed loop is stable by the Nyquist criterion.
 
-        By the argument principle, half the turns of 1 + L around 0 count the closed loop's poles outside the
-        unit circle, once the open loop's are added. A loop that passes too close to -1 for this count has no
-        margin anyway.
+        1 + L is multiplied by the factors of the open loop's poles on the unit circle (integral, undamped
+        modes). By the argument principle, its phase then turns by π, along the upper half of the circle, for
+        each pole of the closed loop outside it. A loop that passes too close to -1 for this count has no
+        margin anyway. `factor` multiplies the regulator's gain.
         """
         rate, known = self.loop.rate, np.append(self.frequencies, 0.5 * self.loop.rate)
         later = np.exp(-2j * math.pi / rate * known)

@@ -58,7 +58,7 @@ class Stepping(NamedTuple):
     dwell: Annotated[float, Quantity("s", "t_d", "time over which arrival is judged", minimum=0)] = 0.01
 
 
-# Share of the expected displacement below which a step is lost.
+# Share of the expected displacement below which a step counts as lost.
 _LOST = 0.2
 # Largest change of the target in one tick, in V of the piezo, that is followed without a scan.
 _ALONG = 0.5
@@ -122,7 +122,7 @@ class Mover:
     Attributes:
         phase: present phase, see the module; `history` contains the start of each phase, s.
         settled_at: time of the first arrival at the target, s, or None; `steps` is the number of steps,
-            `lost` the number of steps without motion.
+            `lost` the number of them that moved less than 20 % of the expected distance.
         goal: target, m; NaN before the first one.
         plan: parameters of the move, as C takes them.
         arrival: test whether the position is at the target; see `Arrival`.

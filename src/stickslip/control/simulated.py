@@ -91,7 +91,7 @@ def simulate_control(
         position = motion.position - start
         measured = position + read[tick]
         volts = _volts(step(measured, wanted[tick], tick), tick)
-        if not model.min_voltage <= volts <= model.max_voltage:  # also true for NaN
+        if not model.min_voltage <= volts <= model.max_voltage:  # this form refuses NaN, too
             raise QuantityError(
                 f"the controller asks for {volts:g} V at tick {tick}; {model.name or 'the actuator'} takes "
                 f"{model.min_voltage:g} V to {model.max_voltage:g} V"

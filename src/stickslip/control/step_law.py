@@ -139,7 +139,8 @@ class StepLaw(NamedTuple):
         return max((v for v in self.voltages if v <= voltage), default=self.voltages[0])
 
     def table(self) -> StepSizes:
-        """Return the step sizes as the table of a `Mover`."""
+        """Return the step sizes as the table of a `Mover`. The table must not decrease with the voltage, so a
+        step that is smaller than one at a lower voltage is replaced by that."""
         up, down = (tuple(np.maximum.accumulate(one).tolist()) for one in (self.forward, self.backward))
         return StepSizes(self.voltages, up, down)
 

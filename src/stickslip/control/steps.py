@@ -87,7 +87,7 @@ class StepSizes(NamedTuple):
         if list(self.voltages) != sorted(set(self.voltages)):
             raise QuantityError(f"StepSizes.voltages [V] must ascend: {list(self.voltages)}")
         for name, steps in (("forward", self.forward), ("backward", self.backward)):
-            if list(steps) != sorted(steps):  # a voltage is searched by its step size
+            if list(steps) != sorted(steps):  # `voltage_for` interpolates the voltage over the step size
                 raise QuantityError(
                     f"StepSizes.{name} [m] must not become less with the voltage: {list(steps)}"
                 )
@@ -155,8 +155,14 @@ def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, sli
 
 
 def _knots(hertz: float, amplitude: float, slip: Slip) -> tuple[PeriodicKnots, Array]:
-    """Return the waveform of a walk for an output without updates, and the remaining shares of its voltage
-    along the edge."""
+    """Return the waveform of a forward walk from 0 V for an output without updates, and the remaining shares
+    of its voltage at the corners of the slip edge, from 1 to 0.
+
+    Args:
+        hertz: number of steps per second.
+        amplitude: amplitude of the steps, V.
+        slip: edge with which each step slips.
+    """
     after, left = slip.corners(_EDGE / hertz)
     if not after[-1] < (1.0 - RISING) / hertz:
         raise _too_long(float(after[-1]), (1.0 - RISING) / hertz)

@@ -85,9 +85,10 @@ class Tuning(NamedTuple):
     """Gains and filters of a regulator, and the margins that it keeps for all models.
 
     Attributes:
+        pid, notches, low_pass: gains and filters of the regulator; no low-pass: None.
         margins: worst margins over all models.
         feedforward: voltage per wanted position, V/m.
-        lag: delay of the actuator behind the feedforward, s.
+        lag: delay of the position behind the voltage at low frequencies, s, for `lead` of the regulator.
         models: number of models.
         loops: loop of each model without the regulator, for `dataset`.
         requirement: margins that were required.

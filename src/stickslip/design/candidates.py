@@ -53,7 +53,7 @@ def sawtooths(
             if not FEWEST < duration * hertz < math.inf:
                 continue
             for rise in RISES:
-                steepest = 1.0 - volts * hertz / slew_rate  # 1 if the amplifier follows a jump
+                steepest = 1.0 - volts * hertz / slew_rate  # largest share of the rise that the fall leaves
                 fraction = min(rise, steepest)
                 if fraction < min(RISES) - 1e-9:
                     continue

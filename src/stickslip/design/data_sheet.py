@@ -23,7 +23,7 @@ _HEAD = {"title": str, "citations": list, "kind": str}
 
 @record
 class DataSheet(NamedTuple):
-    """Numbers of a data sheet for one axis; numbers that the sheet does not print are left out.
+    """Numbers of a data sheet for one axis; None for a number that the sheet does not print.
 
     A contradiction among the numbers raises QuantityError with both sides of the relation.
     """

@@ -123,8 +123,9 @@ def frequencies(given: tuple[float | str, float | str] | None) -> tuple[float, f
 
 
 def _usual(model: Actuator, swing: float) -> tuple[float, float]:
-    """Return a range of frequencies [Hz] around two values: where friction can just accelerate the
-    end-effector over the stroke, and the stage's natural frequency."""
+    """Return the frequency range [Hz] that is searched by default: from 0.1 times the lower to 3 times the
+    higher of the stage's natural frequency and the frequency at which friction can just accelerate the
+    end-effector over the stroke of a voltage `swing` [V]."""
     stroke = abs(model.gain) * swing
     force = abs(getattr(model.friction, "coulomb_force", 0.0))
     found = [] if model.static else [model.natural_frequency / (2.0 * math.pi)]

@@ -117,7 +117,8 @@ def backward_rate(position: ArrayLike) -> float:
 
 
 def _of_way_forward(back: Any, step: Any) -> Any:
-    """Return the way back [m] over the way forward of a net step [m]; NaN of what does not move."""
+    """Return the backward rate b / (s + b) of a backward motion b [m] and a net step s [m]; NaN if both are
+    0."""
     with np.errstate(invalid="ignore"):
         return np.divide(back, back + step)
 

@@ -21,7 +21,7 @@ from ..waveform.sampled import Sampled
 from .scenarios import NOMINAL, ScenarioTable
 
 Array = NDArray[np.float64]
-# Periods after which the motion counts as periodic in the picture; and points of one period.
+# Number of periods after which `motion_by` takes the motion as periodic; and number of points in its period.
 SETTLED, POINTS = 200, 401
 # Largest number of conditions that a report lists.
 MOST_LINES = 12

@@ -109,7 +109,7 @@ def robust(task: Task, starts: Array) -> Best:
     active = worst_of(merits[first], task.judge, np.zeros(0, np.int64))
     begin, spread, share, begun = starts[first], WIDE, task.budget, 0.0
     if len(starts) > 1 or task.conditions > 1:
-        begun = 1.0 if task.conditions == 1 else 0.5  # share of the work that is done
+        begun = 1.0 if task.conditions == 1 else 0.5  # share of the progress for the search in one condition
         part = task._replace(progress=lambda doing, done: task.progress(doing, begun * done))
         begin, tried, stopped = _of_one(part, starts, _worst(merits[first]))
         found = task.merits(begin[None], everything)
@@ -166,8 +166,8 @@ def _of_one(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
 
 
 def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
-    """Return the best point of differential evolution, which starts from the initial guesses and the best of
-    random candidates."""
+    """Return the best point of differential evolution, the number of computed candidates, and True if Ctrl-C
+    stopped it. The population starts as the initial guesses `starts` and the best of random candidates."""
     x, scores = starts, task.judge.score(task.merits(starts, which), which)
     for _ in range(LOOKS):
         more = task.random.random((round(SCOUTS * task.budget), starts.shape[1]))
@@ -180,7 +180,7 @@ def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
     population = np.concatenate([starts, x[len(starts) + random]])
     k = int(np.argmax(scores))
     best, tried = (float(scores[k]), x[k]), len(x)
-    if len(population) < 5:  # differential evolution needs five
+    if len(population) < 5:  # SciPy's differential evolution needs at least five candidates
         return best[1], tried, False
 
     def cost(columns: Array) -> Array:

@@ -166,7 +166,7 @@ class Searched(NamedTuple):
         saw = n + int(np.argmax(scores[n:]))
         if np.isnan(merits[saw]).any() and not np.isfinite(scores[:n]).any():
             raise QuantityError("no drive was found that has a steady motion in every condition")
-        # A condition in which the sawtooth has no steady motion does not count.
+        # A condition in which the sawtooth has no steady motion does not count in the comparison with it.
         no_worse = np.all(
             ~(merits[:n] < np.nan_to_num(merits[saw], nan=-np.inf) - NO_WORSE * self.scale), axis=1
         ) & ~np.isnan(merits[:n]).any(axis=1)

@@ -24,7 +24,7 @@ RATES_BELOW_RESONANCE = (
     20.0  # resonance over the step rate at which the step is measured, if the sheet does not give that rate
 )
 SHARE_OF_FRICTION = 0.98  # largest simulated load over F_C; with a larger one the contact slides without end
-TOLERANCE = 1e-3  # of the simulations, as a fraction of the step
+TOLERANCE = 1e-3  # tolerance of a simulated net step, as a fraction of the expected stroke of the piezo
 
 
 class Datum(NamedTuple):
@@ -118,9 +118,10 @@ class Simulated(NamedTuple):
         return np.where(found >= least, found, -np.inf)
 
     def _steps(self, values: Mapping[str, Array], rate: float, load: float) -> Array:
-        """Return net steps [members] at a step rate [Hz] against a load [N].
+        """Return net steps, m, [members], at a step rate [Hz] against a load [N].
 
-        NaN if the motion is not periodic, or not forward without a load.
+        NaN if the motion is not periodic, not forward without a load, or if the load is near or above the
+        Coulomb force. `values` are the members' parameters by name, arrays [members], SI.
         """
         drawn = {name: values[name] for name in NAMES} | {"stiction_force": values["coulomb_force"]}
         count = drawn["gain"].size
@@ -132,7 +133,7 @@ class Simulated(NamedTuple):
         given |= {"external_force": np.full(walks.size, -load), "frequency": np.full(walks.size, rate)}
         scale = self.expected.known["gain"].value * (self.expected.high - self.expected.low)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SimulationWarning)  # improbable members may fail
+            warnings.simplefilter("ignore", SimulationWarning)  # improbable members may have no steady step
             of = steady_steps(self.model, self.drive, parameters=given, tolerance=TOLERANCE * scale)
         kept = (of["status"].values == CONVERGED) & ((of["net_step"].values > 0.0) | (load > 0.0))
         steps[walks[kept]] = of["net_step"].values[kept]

@@ -32,11 +32,11 @@ from .sheet_priors import NAMES, SHEET, UNITS, Expectations, expectations
 Array = NDArray[np.float64]
 
 COLUMNS = UNITS | {"stiction_force": "N"}  # parameters of the posterior and their units
-CHECKED = 200  # draws for which the sheet's numbers are computed again
+CHECKED = 200  # number of draws that are simulated for the intervals of the sheet's numbers
 TOLD = 0.5  # width of an interval over the expected one, below which the sheet determines the parameter
-PERIODS, SAMPLES = 40, 200  # of a planned recording: periods of the step rate, samples per period
-PLANNED = 4  # draws for which a plan is made
-NOISE_SHARE = 0.01  # noise of a planned recording over the step, if none is given
+PERIODS, SAMPLES = 40, 200  # number of drive periods in a planned recording, and of samples per period
+PLANNED = 4  # approximate number of draws for which a plan is made
+NOISE_SHARE = 0.01  # standard deviation of a position sample over the step, if no noise is given to `plan`
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,9 +53,9 @@ class SheetModel:
             ratio of the interval's ends over the same ratio of the expected interval. Over "quantity", the
             sheet's numbers that follow from a simulation: stated (by the sheet), of_model, predicted (median
             of the draws), predicted_low and predicted_high (95 %).
-        drive: for the sheet's step: a sawtooth over all voltages.
+        drive: sawtooth over the whole voltage range, at the rate of the sheet's step.
         speed_rate: step rate of the sheet's speed, Hz; 0 if the sheet gives neither a speed nor its rate.
-        sources: of the numbers, by name.
+        sources: source of each number, by name.
         citations: keys of the references.
     """
 

@@ -7,8 +7,8 @@ follows from the tolerance. For others the value follows from printed numbers:
           \frac{F_C}{\sigma_0} \approx \frac{\Delta x}{10}, \qquad
           \sigma_1 \approx 2\zeta_b\sqrt{\sigma_0 m_e}
 
-with a_0 = 5 m/s² and ζ_b = 0.1. These are assumptions, with wide factors, not knowledge; the actuator of
-[kang2007] lies within 1.3 factors of each.
+with a_0 = 5 m/s² and ζ_b = 0.1. These are assumptions, with wide factors, not knowledge. Each parameter of
+the actuator of [kang2007] deviates from its value by at most the factor to the power of 1.2.
 """
 
 from __future__ import annotations

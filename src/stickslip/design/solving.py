@@ -30,7 +30,8 @@ AT_ONCE = 4096
 ENOUGH = 0.9
 LEVEL = 0.95
 
-# Model, drive, columns, tolerance [m], relative normal force, threads, output of the drive.
+# First arguments of `solved`, which are the same for a map and its draws: model, drive, columns, tolerance
+# [m], normal force over its reference, number of threads, output stage.
 Common = tuple[Actuator, Waveform, Mapping[str, Array], float, Any, int | None, OutputStage | None]
 
 

@@ -41,7 +41,7 @@ class DesignSpace(NamedTuple):
 
     @property
     def given(self) -> Array:
-        """Return the model's own values, [names]."""
+        """Return the model's own values of the free parameters, SI, [names]."""
         return np.array([self._of_model(name) for name in self.names])
 
     @property
@@ -80,7 +80,8 @@ class DesignSpace(NamedTuple):
         return made
 
     def fields(self, values: Array) -> dict[str, Array]:
-        """Return the fields of the model (and "load") by name, for candidates [n, names]."""
+        """Return the fields of the model (and "load") by name, arrays [n], SI, from values of the free
+        parameters [n, names]. A stiffness becomes the natural frequency that follows from it."""
         fields = dict(zip(self.names, values.T, strict=True))
         stiffness = fields.pop(STIFFNESS, self.model.stage_stiffness)
         if FREQUENCY not in fields and {STIFFNESS, "stage_mass"} & {*self.names} and not self.model.static:

@@ -39,9 +39,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Start:
-    """A model, the parameters of its planned fit, and the samples of its recordings.
+    """Starting point of a plan: actuator, coordinates of the planned fit, sampling and noise of the position.
 
-    `noise` is the standard deviation of the samples, m; `colour` its spectrum, if known; `sample_rate` in Hz.
+    Fields: `model`; `space` of the fit; `chain` of the position channel; `sample_rate`, Hz; `noise`, standard
+    deviation of a sample, m; and `colour`, the noise with its spectrum, or None if it is white.
     """
 
     model: Actuator

@@ -30,7 +30,7 @@ class StepTable(NamedTuple):
         interpolation_error: largest deviation of the steps from a linear interpolation between every second
             point, in `unit`. Unless the step is rough, it exceeds the interpolation error of the full table.
         conditions: frequency, load, direction and drive in words.
-        title: name of the actuator.
+        title: title of the map, with the name of the actuator.
         unit: unit of steps and band: m, or rad for a rotary actuator.
     """
 

@@ -33,7 +33,8 @@ from .polygons import Polygons
 Array = NDArray[np.float64]
 # Smallest and largest number of harmonics; and frequency [Hz] up to which all of them are included.
 HARMONICS, MOST, HEARD = 256, 2**17, 20e3
-# Smallest difference between the poles of the stage, relative to the natural frequency.
+# Smallest value that is used for half the difference of the stage's poles, relative to the natural frequency:
+# at critical damping the poles coincide, and the closed form would divide by zero.
 APART = 1e-6
 
 Gain = Annotated[float, Quantity("m/V", "C", "displacement of the stage per volt")]
