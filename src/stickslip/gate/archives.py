@@ -1,4 +1,5 @@
-"""Archives of NumPy arrays (NPZ, which are ZIP files), whose table of contents is counted first."""
+"""Read NumPy's files of arrays: NPY, and NPZ, which are ZIP archives whose contents are counted before they
+are unpacked."""
 
 from __future__ import annotations
 
@@ -13,11 +14,18 @@ from .errors import GateError
 from .files import name_of, opened
 from .limits import LIMITS, check_count, check_regular, check_size
 
-_PACKED = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # as NumPy packs; others reserve memory as a file says
+# Compression methods that NumPy writes. Others may reserve as much memory as a file declares.
+_PACKED = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
 
 
 class _Table(io.FileIO):
-    """Reader of a file that limits how much of an archive's table of contents is read at once."""
+    """Raw file whose `read` refuses to return more than `LIMITS.directory` bytes at once, so that `zipfile`
+    cannot load a huge table of contents.
+
+    Args:
+        path: path for the error message.
+        file: the open file, which stays open.
+    """
 
     def __init__(self, path: Path, file: io.BufferedReader) -> None:
         super().__init__(file.fileno(), closefd=False)
@@ -35,10 +43,10 @@ class _Table(io.FileIO):
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of an NPZ file by name; other parts of the archive are left out.
+    """Return the arrays of an NPZ file by name; other members of the archive are left out.
 
     Raises:
-        GateError: the file is damaged, holds objects, or has more in it than `LIMITS` allows.
+        GateError: the file is damaged, contains Python objects, or is larger inside than `LIMITS` allows.
     """
     check_regular(path)
     try:
@@ -55,21 +63,21 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
                 members = {name: arrays[name] for name in arrays.files}
     except GateError:
         raise
-    except Exception as error:  # from zlib.error to a header that is no Python
+    except Exception as error:  # damage raises many types, from zlib.error to SyntaxError of a header
         raise GateError(f"{path}: not a readable NPZ file (cut off or damaged?): {error}") from error
-    # NumPy hands over the bytes of what it did not write; a workbook (.xlsx) is such an archive too.
+    # NumPy returns bytes for members that are not .npy files, such as the parts of a workbook (.xlsx).
     return {name: one for name, one in members.items() if isinstance(one, np.ndarray)}
 
 
 def read_npy(path: Path, *, mapped: bool = False) -> np.ndarray:
-    """Return the array of an NPY file, in memory or, if `mapped`, on the disk.
+    """Return the array of an NPY file, in memory or, if `mapped`, as a read-only memory map of the file.
 
     Raises:
-        GateError: the file is damaged, or holds objects.
+        GateError: the file is damaged, or contains Python objects.
     """
     check_regular(path)
     try:
         with opened(path) as file:
             return np.load(name_of(file), mmap_mode="r" if mapped else None, allow_pickle=False)
-    except Exception as error:  # the header is a piece of Python, which is wrong in a dozen ways
+    except Exception as error:  # the header is a Python expression, so damage raises many types
         raise GateError(f"{path}: not a readable NPY file (cut off or damaged?): {error}") from error

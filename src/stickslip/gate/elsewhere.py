@@ -1,7 +1,7 @@
-"""The process that interprets files for a server.
+"""Choice of the process that parses files: this process, or a separate one that may be killed (a fence).
 
-In a program, a file is interpreted by the process that asks for it. A server has other work than files, and
-must not end with one of them: it names a fence once, and from then on its files are interpreted behind it.
+A script or command parses a file in its own process. A server must not hang or crash with a damaged file: it
+calls `interpret_in` once with a fence, and from then on `applied` parses its files in the fence's process.
 """
 
 from __future__ import annotations
@@ -13,29 +13,40 @@ from typing import Any, Protocol
 
 
 class Elsewhere(Protocol):
-    """A process that applies functions to files and can be ended, with its limits."""
+    """A process that applies functions to files within limits of time and memory, and can be killed."""
 
     def within_limits(self, act: Callable[[Path], Any], path: Path) -> Any:
-        """Return what a function of a module, or a partial of one, makes of a file."""
+        """Return the result of `act(path)`, computed in the process.
+
+        Args:
+            act: a function at the top of a module, or a partial of one, so that it can be pickled.
+            path: the file.
+        """
         ...
 
 
 _PACKAGE = Path(__file__).parents[1]
-_FENCES: list[weakref.ref[Elsewhere]] = []  # the last one that is still kept is used
+_FENCES: list[weakref.ref[Elsewhere]] = []  # the last fence that still exists is used
 
 
 def interpret_in(fence: Elsewhere) -> None:
-    """Have files interpreted in another process, as long as whoever made `fence` keeps it."""
+    """Parse this process's files in the process of a fence from now on, as long as the fence exists."""
     _FENCES[:] = [*(one for one in _FENCES if one() is not None), weakref.ref(fence)]
 
 
 def applied(act: Callable[[Path], Any], path: Path) -> Any:
-    """Return what a function of a module, or a partial of one, makes of a file: behind the fence of this
-    process if it has one, else here. The package's own files are trusted, and interpreted here.
+    """Return the result of `act(path)`, computed in the fence's process if `interpret_in` named one, else
+    here.
+
+    The package's own files are trusted, so they are always read here.
+
+    Args:
+        act: a function at the top of a module, or a partial of one, so that it can be pickled.
+        path: the file.
 
     Raises:
-        GateError: the function exceeded a limit of the fence, or crashed.
-        GateBusy: nothing is known of the file: try again.
+        GateError: the function exceeded a limit of the fence, or crashed the process.
+        GateBusy: the file was not read for a reason outside it; trying again may succeed.
         OSError: there is no such file.
         Exception: raised by the function.
     """

@@ -1,32 +1,31 @@
-"""Errors of the gate, and how others' errors become one documented sentence."""
+"""Errors of the gate, and conversion of other errors to one documented type with a one-sentence message."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_LONGEST = 300  # characters of a message that is quoted
+_LONGEST = 300  # largest number of characters that are quoted of another error's message
 
 
 class GateError(ValueError):
-    """A file that is not let in; the message names the file and says why, and what to do."""
+    """Error: a file is refused. The message names the file, and says why and what to do."""
 
 
 class GateBusy(GateError):
-    """A file that could not be read for a reason outside the file; trying again may succeed."""
+    """Error: a file could not be read for a reason outside the file; trying again may succeed."""
 
 
 @contextmanager
 def damaged(kind: type[Exception], said: str) -> Iterator[None]:
-    """Raise one documented error for whatever damaged content leads to while it is interpreted.
+    """Convert every exception in the context to one documented type.
 
-    Content that was changed by hand or on a disk fails in as many ways as Python knows: this is the one place
-    that catches them all. Errors of the given kind pass as they are, and so do a lack of memory and a
-    file that was not read.
+    Content that was damaged by hand or on a disk can raise almost any exception when it is interpreted; only
+    here are all of them caught. Errors of the given type, MemoryError and GateBusy pass unchanged.
 
     Args:
-        kind: the documented error.
-        said: the file, and what it does not hold: the start of the message.
+        kind: the documented type of error.
+        said: start of the message: the file, perhaps with what is missing in it.
     """
     try:
         yield

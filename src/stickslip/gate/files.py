@@ -1,4 +1,4 @@
-"""Plain files, opened in one place: nothing else is opened, and no opening waits."""
+"""Opening of regular files: pipes, devices and folders are refused, so that no opening or reading blocks."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from .errors import GateError
 
 
 def opened(path: str | os.PathLike[str]) -> io.BufferedReader:
-    """Open a plain file for reading.
+    """Open a regular file for reading bytes.
 
-    The open file is looked at, not its name: a pipe that takes the place of a file after a check of the name
-    would keep who opens it waiting.
+    The type is checked on the open file, not by its path: otherwise a pipe that replaced the file between
+    check and opening would block the program.
 
     Raises:
         GateError: the path is that of a folder, a pipe or a device.
@@ -30,6 +30,8 @@ def opened(path: str | os.PathLike[str]) -> io.BufferedReader:
 
 
 def name_of(file: io.BufferedReader) -> str:
-    """Return a path of an open file, whatever has taken its own name since: for libraries that open files
-    themselves, by a path."""
+    """Return a path that leads to an open file even if its own path now leads to another one (/dev/fd/N).
+
+    This is for libraries that accept only a path and open it themselves.
+    """
     return f"/dev/fd/{file.fileno()}"

@@ -1,9 +1,9 @@
 """The only opener of HDF5 files: MAT 7.3, NetCDF 4 and others.
 
-HDF5 lets a file name other files: storage outside it, arrays assembled from other files (virtual), links into
-other files, filters loaded from the disk. Such a file would read any file of the user who opens it, so all of
-these are refused before a number is read. The tree of groups and arrays is built once, and counted against
-`LIMITS`; what is not in the tree cannot be reached, not by an object reference either.
+An HDF5 file may refer to other files: external storage, arrays assembled from other files (virtual), links
+into other files, filters loaded from the disk. Such a file could read any file of the user who opens it, so
+all of these are refused before a number is read. The tree of groups and arrays is built once, and counted
+against `LIMITS`. Objects outside the tree cannot be reached, even by an object reference.
 """
 
 from __future__ import annotations
@@ -31,10 +31,12 @@ _KINDS = {h5t.INTEGER: "iu", h5t.FLOAT: "f"}
 
 
 class Hdf5Array:
-    """An array of an HDF5 file, checked but not read.
+    """An array of an HDF5 file, checked but not yet read.
 
-    `kind` is that of NumPy for numbers ("i", "u", "f", "b", "c" for complex ones), "r" for references to
-    objects, and "" for everything else, which is not read.
+    `kind` is NumPy's kind of the numbers ("i", "u", "f", "b", "c" for complex numbers), "r" for references to
+    objects, and "" for all other types, which are never read. `nbytes` is the memory that reading may take.
+    `identifier` is the array in h5py's low-level interface. An array with data in another file, or with too
+    many chunks or other filters, raises GateError.
     """
 
     def __init__(self, tree: Hdf5Tree, name: str, identifier: Any) -> None:
@@ -50,10 +52,10 @@ class Hdf5Array:
         stored = identifier.get_type()
         tree.visits(1, _parts(stored))
         self.kind = _kind(stored)
-        # Nothing is kept open of an array that is not read: its type may be large.
+        # An array that is never read is closed here, because its type may take much memory.
         self.identifier: Any = identifier if self.kind else None
         self.nbytes = math.prod(self.shape) * stored.get_size()
-        self._packed = 0  # bytes of a part that is packed by gzip
+        self._packed = 0  # unpacked bytes of a chunk that is compressed by gzip; 0 without gzip
         if layout == h5d.CHUNKED:
             part = plist.get_chunk()
             count = math.prod(-(-n // c) for n, c in zip(self.shape, part, strict=True))
@@ -64,19 +66,19 @@ class Hdf5Array:
                 self._packed = chunk_bytes
 
     def has(self, attribute: str) -> bool:
-        """Return whether the array has an attribute called `attribute`."""
+        """Return True if the array has an attribute with this name; False for an array that is never read."""
         return bool(self.kind) and h5a.exists(self.identifier, attribute.encode())
 
     def attribute(self, name: str) -> Any:
-        """Return an attribute that is a text or numbers; None if it is missing or anything else."""
+        """Return an attribute that is a text or numbers; None if it is missing or has another type."""
         with _damage(self._tree.path):
             return self._tree.attribute(self.identifier, name.encode()) if self.has(name) else None
 
     def read(self, axis: int = 0, part: slice = _WHOLE) -> np.ndarray:
-        """Return the numbers of the array, or of a part of it along one axis.
+        """Return the numbers of the array, or of the slice `part` along one axis.
 
         Raises:
-            GateError: the array is not of numbers, or a part of it unpacks to more than it declares.
+            GateError: the array has no numbers, or a chunk of it unpacks to more than it declares.
         """
         if self.kind not in tuple("iufbc"):
             raise GateError(f"{self._tree.path}: {self.name!r} holds no numbers")
@@ -85,10 +87,10 @@ class Hdf5Array:
             return found.view(f"c{found.itemsize}") if found.dtype.names else found
 
     def targets(self) -> list[Hdf5Array | Hdf5Group]:
-        """Return the objects that an array of references names, in the order of MATLAB (column by column).
+        """Return the objects that the references of this array lead to, in MATLAB's order (column by column).
 
         Raises:
-            GateError: a reference names an object that is not in the tree of the file.
+            GateError: a reference leads to an object that is not in the tree of the file.
         """
         check_count(self._tree.path, math.prod(self.shape), LIMITS.visits, f"references in {self.name!r}")
         with _damage(self._tree.path):
@@ -112,7 +114,7 @@ class Hdf5Array:
 
 
 class Hdf5Group:
-    """A group of an HDF5 file, with its members by name, in the order of creation if the file keeps that."""
+    """A group of an HDF5 file, with its members by name, in the order of creation if the file stores it."""
 
     def __init__(self, name: str, identifier: Any) -> None:
         self.name, self.identifier = name, identifier
@@ -120,7 +122,10 @@ class Hdf5Group:
 
 
 class Hdf5Tree:
-    """The groups and arrays of an open HDF5 file, all of them checked; see `hdf5_tree`."""
+    """The groups and arrays of an open HDF5 file (an identifier of h5py's low-level interface).
+
+    `hdf5_tree` makes a tree whose objects are all checked.
+    """
 
     def __init__(self, path: Path, file: Any) -> None:
         self.path = path
@@ -130,19 +135,19 @@ class Hdf5Tree:
         self.root = Hdf5Group("/", h5g.open(file, b"/"))
 
     def build(self) -> None:
-        """Visit everything that is in the file.
+        """Visit all groups and arrays of the file, check them, and add them to the tree.
 
         Raises:
-            GateError: something names another file, or there is more than `LIMITS` allows.
+            GateError: an object refers to another file, or there is more than `LIMITS` allows.
         """
         self._fill(self.root, 1)
         check_size(self.path, self._declared)
 
     def array(self, name: str) -> Hdf5Array:
-        """Return one array of a file that was checked before, checking again only what leads to the array.
+        """Return one array of a file that was checked before. Only the array and its path are checked again.
 
         Raises:
-            GateError: the array is not there any longer.
+            GateError: the path is no array any longer, or leads through a link.
         """
         found = self.root.identifier
         for label in name.strip("/").encode().split(b"/"):
@@ -154,7 +159,7 @@ class Hdf5Tree:
         return Hdf5Array(self, name, found)
 
     def target(self, reference: Any, name: str) -> Hdf5Array | Hdf5Group:
-        """Return the object that a reference of the array `name` names, if it is in the tree.
+        """Return the object that a reference leads to; `name` is the array of the reference, for errors.
 
         Raises:
             GateError: the object is not in the tree.
@@ -166,7 +171,9 @@ class Hdf5Tree:
         return known
 
     def pairs(self, one: Hdf5Array, name: str) -> list[tuple[Hdf5Array | Hdf5Group, int]]:
-        """Return the objects and numbers that an attribute of pairs (reference, number) lists.
+        """Return the objects and numbers of an attribute that is a list of pairs (reference, number).
+
+        The list is empty if the array `one` has no such attribute `name`.
 
         Raises:
             GateError: an object is not in the tree, or there are more pairs than `LIMITS` allows.
@@ -184,10 +191,10 @@ class Hdf5Tree:
             return [(self.target(pair[0], one.name), int(pair[1])) for pair in value.flat]
 
     def attributes(self, one: Hdf5Array | Hdf5Group, hidden: frozenset[str] = frozenset()) -> dict[str, Any]:
-        """Return the attributes of an object that are texts or numbers, by name, but for the hidden ones.
+        """Return the attributes of an object that are texts or numbers, by name, except those in `hidden`.
 
         Raises:
-            GateError: there are more of them, or they take more bytes, than `LIMITS` allows.
+            GateError: they take more bytes than `LIMITS` allows, or the file is damaged.
         """
         names: list[bytes] = []
         with _damage(self.path):
@@ -198,7 +205,7 @@ class Hdf5Tree:
         return {name: value for name, value in found.items() if value is not None}
 
     def text_attribute(self, one: Hdf5Array | Hdf5Group, name: str) -> str:
-        """Return an attribute of an object as text; "" where it is missing or anything else."""
+        """Return an attribute of an object as text; "" if it is missing or neither text nor numbers."""
         if isinstance(one, Hdf5Array) and not one.kind:
             return ""
         with _damage(self.path):
@@ -208,16 +215,16 @@ class Hdf5Tree:
         return value.decode("latin-1") if isinstance(value, bytes) else "" if value is None else str(value)
 
     def attribute(self, identifier: Any, name: bytes) -> Any:
-        """Return an attribute of an object that is a text or numbers; None if it is anything else."""
+        """Return an attribute of an object that is a text or numbers; None if it has another type."""
         opened = h5a.open(identifier, name)
         stored, shape = opened.get_type(), opened.shape
         kind = stored.get_class()
-        # Each text of variable length may be as long as the file: only one is read at a time.
+        # A text of variable length may be as long as the file, so an attribute of several texts is not read.
         text = kind == h5t.STRING and shape in ((), (1,), None)
         if not (text or (kind in _KINDS and shape is not None)):
             return None
         if shape is None:
-            return ""  # other programs write an empty text so
+            return ""  # some programs store an empty text as a text without a value
         self._count_attribute(stored.get_size() * math.prod(shape))
         value = np.empty(shape, opened.dtype)
         opened.read(value)
@@ -232,7 +239,7 @@ class Hdf5Tree:
         check_count(self.path, self._attribute_bytes, LIMITS.attribute_bytes, "bytes of attributes")
 
     def _fill(self, group: Hdf5Group, depth: int) -> None:
-        """Add the members of a group, and those of the groups in it."""
+        """Check the members of a group and of the groups in it, and add them to the tree."""
         identifier = group.identifier
         refuse_packed_names(self.path, group.name, identifier)
         check_count(self.path, identifier.get_num_objs(), LIMITS.visits, f"members in {group.name!r}")
@@ -255,7 +262,7 @@ class Hdf5Tree:
                 member = Hdf5Group(name, found)
                 self._fill(member, depth + 1)
             else:
-                continue  # a named type has no data
+                continue  # a named data type contains no data
             group.members[self._name(label)] = member
 
     def _add(self, one: Hdf5Array | Hdf5Group, identifier: Any, depth: int) -> None:
@@ -275,7 +282,7 @@ def _index(order: int) -> int:
 
 
 def _parts(stored: Any) -> int:
-    """Return how many types are in the type of an array: fields, and what they are made of."""
+    """Return the number of types inside an HDF5 data type: its fields or elements, and the types in these."""
     kind = stored.get_class()
     if kind == h5t.ENUM:
         return int(stored.get_nmembers())
@@ -285,7 +292,7 @@ def _parts(stored: Any) -> int:
 
 
 def _kind(stored: Any) -> str:
-    """Return the kind of the elements of an array; see `Hdf5Array`."""
+    """Return the kind of an array's elements from its HDF5 data type, as `Hdf5Array.kind` defines it."""
     known = stored.get_class()
     if known == h5t.REFERENCE:
         return "r" if stored.equal(h5t.STD_REF_OBJ) else ""
@@ -298,11 +305,11 @@ def _kind(stored: Any) -> str:
     try:
         return stored.dtype.kind
     except (TypeError, ValueError):
-        return ""  # NumPy has no such number
+        return ""  # NumPy has no type for this number
 
 
 def _is_complex(stored: Any) -> bool:
-    """Return whether a record is a complex number: two reals of one kind, adjacent."""
+    """Return True if a compound type is a complex number: two adjacent reals of one type, named as such."""
     if stored.get_nmembers() != 2:
         return False
     parts = [stored.get_member_type(k) for k in range(2)]
@@ -313,13 +320,13 @@ def _is_complex(stored: Any) -> bool:
 
 
 def is_hdf5(path: Path) -> bool:
-    """Return whether a file is HDF5, at its start or after a block of another program (MATLAB)."""
+    """Return True if a file is HDF5, from its start or after a leading block such as MATLAB's."""
     with opened(path) as file:
         return h5f.is_hdf5(name_of(file).encode())
 
 
 def has_attribute(path: Path, name: str, group: str = "/") -> bool:
-    """Return whether a group of an HDF5 file has a named attribute; False if there is no such group.
+    """Return True if a group of an HDF5 file has an attribute `name`; False if there is no such group.
 
     Raises:
         GateError: the file is damaged.
@@ -339,10 +346,10 @@ def has_attribute(path: Path, name: str, group: str = "/") -> bool:
 
 @contextmanager
 def hdf5_tree(path: Path) -> Iterator[Hdf5Tree]:
-    """Open an HDF5 file and give its checked tree, which is valid until the end of the context.
+    """Open an HDF5 file and yield its checked tree, which can be used until the end of the context.
 
     Raises:
-        GateError: the file is damaged, names other files, or has more structure than `LIMITS` allows.
+        GateError: the file is damaged, refers to other files, or has more structure than `LIMITS` allows.
     """
     with _opened(path) as tree:
         with _damage(path):
@@ -351,10 +358,10 @@ def hdf5_tree(path: Path) -> Iterator[Hdf5Tree]:
 
 
 def read_hdf5_array(path: Path, name: str, axis: int = 0, part: slice = _WHOLE) -> np.ndarray:
-    """Return the numbers of one array of a file that was looked through before, or of a part along one axis.
+    """Return the numbers of one array of a file that was checked before, or of the slice `part` of an axis.
 
     Raises:
-        GateError: the array is not there any longer, or is not what `Hdf5Array` allows.
+        GateError: the array does not exist any longer, or `Hdf5Array` refuses it.
     """
     with _opened(path) as tree:
         with _damage(path):
@@ -376,7 +383,10 @@ def _opened(path: Path) -> Iterator[Hdf5Tree]:
 
 @contextmanager
 def _damage(path: Path) -> Iterator[None]:
-    """Turn every error of the HDF5 library into one sentence; it reports damage in half a dozen ways."""
+    """Convert each error in the context to a GateError with one sentence about the file.
+
+    The HDF5 library reports damage by several types of errors.
+    """
     try:
         yield
     except GateError:

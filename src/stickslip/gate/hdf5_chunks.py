@@ -1,7 +1,7 @@
-"""Packed parts (chunks) of HDF5 arrays: which packing is read, and what a part unpacks to.
+"""Check the compression of HDF5 arrays, which are stored in parts (chunks): its filters and unpacked sizes.
 
-The library unpacks a part of any size, whatever the array declares. Each part is therefore unpacked here
-first, up to its declared size.
+The HDF5 library unpacks a chunk of any size, whatever the array declares. Each gzip chunk is therefore
+unpacked here first, and refused if it exceeds its declared size.
 """
 
 from __future__ import annotations
@@ -18,11 +18,16 @@ _READ = {h5z.FILTER_DEFLATE: "gzip", h5z.FILTER_SHUFFLE: "shuffle", h5z.FILTER_F
 
 
 def filters_of(path: Path, name: str, plist: Any) -> list[int]:
-    """Return the filters through which an array was packed, in the order of packing.
+    """Return the codes of an array's compression filters, in the order in which they were applied on writing.
+
+    Args:
+        path: path for error messages.
+        name: name of the array for error messages.
+        plist: creation property list of the array, from h5py's low-level interface.
 
     Raises:
-        GateError: a filter is not one of gzip, shuffle and fletcher32: others are loaded from the disk, or
-            reserve as much memory as the file says; or gzip is followed by another packing.
+        GateError: a filter is not gzip, shuffle or fletcher32 (the library loads others from the disk, or
+            they reserve as much memory as the file declares), or gzip is followed by gzip or shuffle.
     """
     found = [plist.get_filter(i) for i in range(plist.get_nfilters())]
     codes = [one[0] for one in found]
@@ -40,17 +45,26 @@ def filters_of(path: Path, name: str, plist: Any) -> list[int]:
 
 
 def refuse_packed_names(path: Path, name: str, group: Any) -> None:
-    """Raise GateError if the table of names of a group is packed."""
+    """Raise GateError if the table of member names of a group is compressed: it is unpacked without limit."""
     plist = group.get_create_plist()
-    h5i.inc_ref(plist)  # two Python objects share the property list, and each gives it back
+    h5i.inc_ref(plist)  # two Python objects own the property list, and each releases it once
     if h5p.PropDCID(plist.id).get_nfilters():
         raise GateError(f"{path}: the table of names of {name!r} is packed; save it unpacked")
 
 
 def check_chunks(path: Path, name: str, array: Any, chunk_bytes: int, axis: int, beyond: int) -> None:
-    """Raise GateError if parts of an array packed by gzip unpack to too much, or share bytes of the file.
+    """Check the chunks of an array compressed by gzip before the HDF5 library unpacks them.
 
-    Each part that starts before the index `beyond` of an axis may unpack to `chunk_bytes` at most.
+    Args:
+        path: path of the file.
+        name: name of the array for error messages.
+        array: identifier of the array, from h5py's low-level interface.
+        chunk_bytes: bytes to which one chunk may unpack.
+        axis: axis along which a part of the array is to be read.
+        beyond: end of this part: chunks that start at this index or later are not unpacked here.
+
+    Raises:
+        GateError: a chunk unpacks to more, or together the chunks are larger than the file, so some overlap.
     """
     stored: list[Any] = []
     array.chunk_iter(stored.append)
@@ -59,7 +73,7 @@ def check_chunks(path: Path, name: str, array: Any, chunk_bytes: int, axis: int,
     for one in (one for one in stored if one.chunk_offset[axis] < beyond):
         mask, packed = array.read_direct_chunk(one.chunk_offset)
         if mask:
-            continue  # the library leaves out a filter for this part: it is as it is in the file
+            continue  # the file says that the library must skip a filter of this chunk
         try:
             unpacked = zlib.decompressobj().decompress(packed, chunk_bytes + 1)
         except zlib.error as error:

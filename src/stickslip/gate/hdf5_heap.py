@@ -1,7 +1,7 @@
-"""Tables of texts in HDF5 files (global heaps), checked before the library reads one.
+"""Check the tables of texts in HDF5 files (global heaps) before the HDF5 library reads one.
 
-The library steps from text to text by the lengths in the table. A length of zero, or one that goes beyond the
-table, keeps it busy for ever.
+The library steps from text to text by the lengths in the table. With a length of zero, or one that leads
+beyond the table, it never ends.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from .errors import GateError
 from .files import opened
 from .limits import LIMITS, check_count
 
-_SIGN = b"GCOL\1\0\0\0"  # with version and reserved bytes
-_HEAD = 16  # bytes: the sign, and the length of the table
-_BLOCK = 1 << 22  # bytes that are searched at once
-_REMEMBERED = 16  # files that were checked and have not changed since
+_SIGN = b"GCOL\1\0\0\0"  # signature of a table, with its version and reserved bytes
+_HEAD = 16  # number of bytes of a table's head: the signature, then the length of the table
+_BLOCK = 1 << 22  # number of bytes of the file that are searched at once
+_REMEMBERED = 16  # number of checked files that are not checked again unless they change
 _CHECKED: list[tuple[int, ...]] = []
-_TEXT = struct.Struct("<HH4xQ")  # number (0: what is free), references, length
+_TEXT = struct.Struct("<HH4xQ")  # head of a text: its number (0: free space), reference count, length
 
 
 def check_heaps(path: Path, sizes: tuple[int, int]) -> None:
-    """Refuse an HDF5 file with a table of texts that the library does not get to the end of.
+    """Refuse an HDF5 file with a table of texts that the HDF5 library would read for ever.
 
     Args:
         path: the file.
-        sizes: bytes of an address and of a length in the file.
+        sizes: number of bytes of an address and of a length in the file.
 
     Raises:
-        GateError: such a table, more texts than `LIMITS` allows, or other than 8 bytes.
+        GateError: the file has such a table, more texts than `LIMITS` allows, or sizes other than 8 bytes.
     """
     if sizes != (8, 8):
         raise GateError(f"{path}: an HDF5 file with addresses of {sizes[0]} bytes; 8 are read: save it again")
@@ -51,7 +51,10 @@ def check_heaps(path: Path, sizes: tuple[int, int]) -> None:
 
 
 def _tables(file: BinaryIO) -> Iterator[int]:
-    """Places of the sign of a table, from block to block: `mmap.find` takes 2.5 s for a file of 1 GB."""
+    """Yield the byte offset of each table's signature in a file.
+
+    The file is searched in blocks, because `mmap.find` takes 2.5 s for a file of 1 GB.
+    """
     begin, rest = 0, b""
     while block := file.read(_BLOCK):
         block = rest + block
@@ -64,7 +67,11 @@ def _tables(file: BinaryIO) -> Iterator[int]:
 
 
 def _texts(path: Path, content: mmap.mmap, at: int, most: int) -> int:
-    """Return the number of texts in a table, counted no further than `most` allows."""
+    """Return the number of texts in the table at byte offset `at`; counting stops above `most`.
+
+    Raises:
+        GateError: the length of a text is zero or leads beyond the table.
+    """
     head = content[at + 8 : at + _HEAD]
     end = at + int.from_bytes(head, "little")
     place, count = at + _HEAD, 0

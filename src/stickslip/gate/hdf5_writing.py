@@ -1,4 +1,4 @@
-"""Write HDF5 files of groups and fields, as formats on top of HDF5 describe them."""
+"""Write HDF5 files from a tree of groups and fields, for file formats that are based on HDF5."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import h5py
 
 
 class Field(NamedTuple):
-    """An array, a number or a text, and its attributes."""
+    """A field to write: an array, a number or a text, with its attributes by name."""
 
     value: Any
     attributes: Mapping[str, Any] = {}
 
 
 class Link(NamedTuple):
-    """A second name of a field that was written before."""
+    """A second name (hard link) of a field that was written before; `target` is its path in the file."""
 
     target: str
 
 
 class Group(NamedTuple):
-    """A group: its attributes, and its members in the order in which they are written."""
+    """A group to write: its attributes, and its members by name in the order of writing."""
 
     attributes: Mapping[str, Any]
     members: Mapping[str, Group | Field | Link]
@@ -35,9 +35,10 @@ def hdf5_version() -> str:
 
 
 def hdf5_bytes(root: Group) -> memoryview:
-    """Return the content of a file.
+    """Return the bytes of an HDF5 file with the content of a root group.
 
-    It is made in memory: where a disk is full, HDF5 brings the whole process down when it closes a file.
+    The file is made in memory, because on a full disk the HDF5 library crashes the process when it closes a
+    file.
     """
     content = io.BytesIO()
     with h5py.File(content, "w", track_order=True) as file:

@@ -1,7 +1,7 @@
 """Limits of size and structure of data files, checked before anything is built from a file.
 
-A small file can declare or contain far more than it looks: gigabytes of zeros, millions of names, cells
-inside cells. A reader therefore counts structure first, and refuses a file beyond these limits.
+A small file can declare or contain far more than its size suggests: gigabytes of zeros, millions of names,
+deeply nested cells. A reader therefore counts the structure first, and refuses a file beyond these limits.
 """
 
 from __future__ import annotations
@@ -18,22 +18,24 @@ from .files import opened
 
 
 class FileLimits(NamedTuple):
-    """Limits of one data file. Each is far above every recording that a bench makes. Reading a file of up to
-    3 MB at these limits takes below 10 s of computing and 500 MB; a larger one in proportion to its size.
+    """Limits of one data file. Each is far above the recordings of a laboratory.
+
+    Reading a file of up to 3 MB that reaches these limits takes less than 10 s of computing and 500 MB of
+    memory; a larger file takes more in proportion to its size.
     """
 
     # Bytes that a file may unpack to, however small it is: 8 million numbers, an hour of 8 channels, 300 Hz.
     unpacked: int = 64 * 2**20
     # Bytes that a large file may unpack to, as a multiple of its size: measurements compress 2 to 10 times.
     ratio: int = 10
-    # Groups, arrays, cells, structure elements or blocks that are visited, each time that a path leads
-    # there: an object that is reached on many paths counts as often, and a cycle counts without end.
+    # Number of visits to groups, arrays, cells, structure elements or blocks. An object that several paths
+    # lead to counts once for each path, so a cycle reaches the limit.
     visits: int = 20_000
-    # Levels of groups, cells or structures inside each other; a dSPACE capture has 4.
+    # Nesting depth of groups, cells or structures; a dSPACE capture has 4 levels.
     depth: int = 32
     # Signals of a file: columns of a text, rows of a matrix; a large data logger has some hundred.
     channels: int = 10_000
-    # Characters of a line of text, or of its part that a reader keeps: 10,000 columns of 25 characters.
+    # Characters of a line of text, or of the part of it that a reader keeps: 10,000 columns of 25 characters.
     line: int = 2**18
     # Characters of a name of a column, array or group; headers of instruments have below 100.
     name: int = 1_000
@@ -41,9 +43,9 @@ class FileLimits(NamedTuple):
     attributes: int = 1_000
     # Bytes that all attributes of an HDF5 file may take; a recording has some kB of texts.
     attribute_bytes: int = 16 * 2**20
-    # Chunks of one HDF5 array: each costs a look-up. The largest recordings have some thousand.
+    # Chunks of one HDF5 array, each of which costs a look-up. The largest recordings have some thousand.
     chunks: int = 100_000
-    # Seconds of computing for the structure of one file: a good file takes milliseconds.
+    # Seconds of processor time for counting the structure of one file; an intact file takes milliseconds.
     seconds: float = 5.0
     # Bytes of the table of contents of a ZIP archive (NPZ): 20,000 arrays with short names.
     directory: int = 2**21
@@ -53,9 +55,10 @@ LIMITS = FileLimits()
 
 
 def check_regular(path: Path) -> None:
-    """Raise GateError unless a path is a plain file: reading a pipe or a device may never end.
+    """Raise GateError unless a path is a regular file, because reading a pipe or a device may never end.
 
-    A large file that is mostly holes is refused too: it is of any size at no cost, and all of it is read.
+    A large sparse file, of which less than the part 1/`LIMITS.ratio` was ever written, is refused too: it
+    needs no disk space, but all of its size would be read.
     """
     try:
         status = path.stat()
@@ -72,8 +75,10 @@ def check_regular(path: Path) -> None:
 
 
 def _written_bytes(path: Path, size: int, enough: int) -> int:
-    """Return how many bytes of a file are no holes, counted no further than `enough`; all, where the file
-    system does not say it."""
+    """Return the number of bytes of a sparse file that were written, without its holes.
+
+    Counting stops at `enough` bytes. If the system does not report holes, `size` is returned.
+    """
     found = at = 0
     with opened(path) as file:
         while at < size and found < enough:
@@ -89,12 +94,13 @@ def _written_bytes(path: Path, size: int, enough: int) -> int:
 
 
 def allowed_bytes(path: Path) -> int:
-    """Return the bytes that the arrays of a file may take in memory."""
+    """Return the number of bytes that the arrays of a file may take in memory, from `LIMITS` and its size."""
     return max(LIMITS.unpacked, LIMITS.ratio * path.stat().st_size)
 
 
 def check_size(path: Path, declared: int, what: str = "arrays") -> None:
-    """Raise GateError if a file declares more bytes than it may unpack to."""
+    """Raise GateError if a file declares more bytes than it may unpack to; `what` names the data in the
+    message."""
     allowed = allowed_bytes(path)
     if declared > allowed:
         raise GateError(
@@ -105,22 +111,26 @@ def check_size(path: Path, declared: int, what: str = "arrays") -> None:
 
 
 def check_count(path: Path, found: int, most: int, what: str) -> None:
-    """Raise GateError if a file has more of something than a limit allows."""
+    """Raise GateError if the number `found` exceeds the limit `most`; `what` names the things in the
+    message."""
     if found > most:
         raise GateError(f"{path}: it has more than {most:,} {what}; save only the signals that are needed")
 
 
 class Visits:
-    """Counter of the objects of one file that are visited, on every path that leads to them."""
+    """Counter of the visits to objects of one file, which limits their number, depth and computing time.
+
+    An object counts once for each path that leads to it.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path, self._count, self._begun = path, 0, time.thread_time()
 
     def __call__(self, depth: int, count: int = 1) -> None:
-        """Count an object, or several objects, at a depth.
+        """Count `count` objects at a nesting depth.
 
         Raises:
-            GateError: the file has more objects, deeper ones, or takes longer than `LIMITS` allows.
+            GateError: the number of visits, the depth or the computing time exceeds `LIMITS`.
         """
         self._count += count
         check_count(self._path, self._count, LIMITS.visits, "groups, arrays and cells (or some in a circle)")

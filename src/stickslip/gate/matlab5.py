@@ -1,7 +1,7 @@
-"""Structure of MAT files of the versions 4, 5 and 7, counted before SciPy builds it.
+"""Count the structure of MAT files of the versions 4, 5 and 7 before SciPy builds it.
 
-SciPy follows cells inside cells without a limit, and reserves memory for as many of them as a file says. The
-same bytes are therefore read here first, in the same order, without keeping them.
+SciPy follows nested cells without a limit, and reserves memory for as many cells as a file declares. The same
+bytes are therefore read here first, in the same order, without keeping them.
 """
 
 from __future__ import annotations
@@ -18,45 +18,51 @@ from .errors import GateError
 from .files import opened
 from .limits import LIMITS, Visits, allowed_bytes, check_count, check_size
 
-_HEADER = 128  # bytes before the first variable of version 5
-_SUBSYSTEM = 8  # bytes before the first variable of those of the objects
+_HEADER = 128  # number of bytes before the first variable in a file of version 5
+_SUBSYSTEM = 8  # number of bytes before the first variable in the hidden data of MATLAB objects
 _MATRIX, _COMPRESSED = 14, 15  # types of elements
-_CELL, _STRUCTURE, _OBJECT, _CHARACTERS, _SPARSE = range(1, 6)  # classes of matrices; numbers follow
-_LAST_NUMBERS, _FUNCTION, _OPAQUE = 15, 16, 17
-_COMPLEX = 1 << 11
-_MOST_AXES = 32
-_PART = 1 << 20  # bytes that are unpacked at once
-_SIZES = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}  # bytes of a number of version 4, by its code
+_CELL, _STRUCTURE, _OBJECT, _CHARACTERS, _SPARSE = range(1, 6)  # classes of matrices
+_LAST_NUMBERS, _FUNCTION, _OPAQUE = 15, 16, 17  # further classes; 6 to 15 are dense matrices of numbers
+_COMPLEX = 1 << 11  # flag of a matrix of complex numbers
+_MOST_AXES = 32  # largest number of axes of an array (NumPy's limit)
+_PART = 1 << 20  # largest number of bytes that are unpacked at once
+_SIZES = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}  # bytes of a number in version 4, by the digit of its type
 
 
 class _End(Exception):
-    """End of the bytes, or bytes that are no MAT file; SciPy then reports the error."""
+    """Signal that the bytes end too early or are no MAT file. The check then ends without an error, because
+    SciPy reports this one."""
 
 
 class _Bytes:
-    """The bytes of a file from its position on, or of one packed variable in it; unpacked bytes are
-    counted."""
+    """Reader of the bytes of a MAT file, or of one compressed variable in it, which counts unpacked bytes.
+
+    Args:
+        path: path for error messages.
+        file: the open file, at the first byte to read.
+        order: byte order of the file, "<" or ">".
+    """
 
     def __init__(self, path: Path, file: BinaryIO, order: str) -> None:
         self.path, self.order, self.visits = path, order, Visits(path)
         self.unpacked = 0
         self._file, self._most = file, allowed_bytes(path)
-        self._packed = 0  # bytes of the file that are left of a packed variable
+        self._packed = 0  # number of compressed bytes of a variable that are still to be read
         self._unpack: zlib._Decompress | None = None  # pyright: ignore[reportPrivateUsage]
         self._ready = b""
 
     def begin_packed(self, length: int) -> None:
-        """Read what is packed in the next bytes of the file."""
+        """Start to read a compressed variable, which takes the next `length` bytes of the file."""
         self._packed, self._unpack, self._ready = length, zlib.decompressobj(), b""
 
     def end_packed(self) -> None:
-        """Read and count the rest of a packed variable."""
+        """Unpack and count the rest of a compressed variable, and leave it."""
         while self._more():
             pass
         self._unpack = None
 
     def take(self, count: int) -> bytes:
-        """Return the next `count` bytes."""
+        """Return the next `count` bytes. Raises `_End` if there are fewer, or `count` exceeds 1 MiB."""
         if count > _PART:
             raise _End
         if self._unpack is None:
@@ -70,7 +76,7 @@ class _Bytes:
         return found
 
     def skip(self, count: int) -> None:
-        """Pass over the next `count` bytes."""
+        """Skip the next `count` bytes."""
         if self._unpack is None:
             self._file.seek(count, os.SEEK_CUR)
             return
@@ -101,20 +107,21 @@ class _Bytes:
         return b""
 
     def element(self) -> bytes:
-        """Return the bytes of a short element (names, sizes)."""
+        """Return the data of the next element, which must be short (a name, the sizes of a matrix)."""
         length, after = self.tag()
         found = self.take(length)
         self.skip(after)
         return found
 
     def pass_element(self) -> int:
-        """Leave out an element (numbers, letters) and return its length in bytes."""
+        """Skip the next element (numbers, characters) and return its length in bytes."""
         length, after = self.tag()
         self.skip(length + after)
         return length
 
     def tag(self) -> tuple[int, int]:
-        """Return the length of the next element, and of the bytes that fill it up."""
+        """Read the tag of the next element; return the length of its data and of the padding behind, in
+        bytes."""
         (first,) = struct.unpack(f"{self.order}I", self.take(4))
         if first >> 16:  # at most four bytes, inside the tag itself
             return min(first >> 16, 4), 4 - min(first >> 16, 4)
@@ -126,11 +133,11 @@ def check_matlab5(path: Path) -> dict[str, str]:
     """Refuse a MAT file of the versions 4 to 7 that SciPy would not read in bounded time and memory.
 
     Returns:
-        The variables of versions 5 and 7 by name, with the class of those that are objects of MATLAB (tables,
-        strings), else "".
+        Class name of each variable that is a MATLAB object (table, string), "" for other variables, by the
+        name of the variable; empty for version 4.
 
     Raises:
-        GateError: the file has more variables or cells, deeper ones, or unpacks to more than `LIMITS` allows.
+        GateError: the number of variables or cells, their depth, or the unpacked size exceeds `LIMITS`.
     """
     variables: dict[str, str] = {}
     with opened(path) as file:
@@ -147,7 +154,16 @@ def check_matlab5(path: Path) -> dict[str, str]:
 
 
 def check_subsystem(path: Path, content: bytes) -> None:
-    """Refuse the hidden variables in which MATLAB keeps what its objects hold; see `check_matlab5`."""
+    """Refuse the hidden variables of a MAT file, in which MATLAB stores the content of its objects, as
+    `check_matlab5` does.
+
+    Args:
+        path: path for error messages.
+        content: bytes of the hidden variables, with their own header.
+
+    Raises:
+        GateError: there is more in them than `LIMITS` allows.
+    """
     file = io.BytesIO(content)
     file.seek(_SUBSYSTEM)
     try:
@@ -177,8 +193,10 @@ def _check_5(data: _Bytes, file: BinaryIO, variables: dict[str, str]) -> None:
 
 
 def _check_matrix(data: _Bytes, depth: int, variables: dict[str, str]) -> None:
-    """Read one matrix behind its tag, and the matrices in it; add its name, and its class if it is an object,
-    to `variables`."""
+    """Read one matrix, whose tag was read, and the matrices in it, and count them.
+
+    The name of the matrix is added to `variables`, with its class name if it is a MATLAB object, else "".
+    """
     data.visits(depth)
     data.take(8)
     flags, _ = struct.unpack(f"{data.order}II", data.take(8))

@@ -1,7 +1,7 @@
-"""Structure of MDF 4 files, counted before asammdf reads them.
+"""Count the structure of MDF 4 files before the library asammdf reads them.
 
-A file is a net of blocks that name each other by their place. asammdf follows it as it is, in circles too; it
-also evaluates formulas and XML with entities.
+An MDF file is a graph of blocks that link to each other by byte offsets. asammdf follows all links, even in a
+cycle; it also evaluates formulas and XML with entities.
 """
 
 from __future__ import annotations
@@ -16,23 +16,24 @@ from .errors import GateError
 from .files import opened
 from .limits import LIMITS, Visits, allowed_bytes, check_count, check_size
 
-_HEADER = 64  # where the first block stands
-_BLOCK = struct.Struct("<4s4xQQ")  # kind, length, number of links
-# By kind of block: the link to the next of its kind, and the links into it that asammdf follows.
+_HEADER = 64  # byte offset of the first block (HD)
+_BLOCK = struct.Struct("<4s4xQQ")  # head of a block: kind, length, number of links
+# By kind of block: index of the link to the next block of this kind, and indices of the links to blocks below
+# it that asammdf follows.
 _NEXT = {b"##DG": 0, b"##CG": 0, b"##CN": 0, b"##FH": 0, b"##AT": 0, b"##EV": 0}
 _INTO = {b"##HD": (0, 1, 3, 4), b"##DG": (1,), b"##CG": (1,), b"##CN": (1, 4), b"##CA": (0,)}
-_DATA = {b"##DG": 2, b"##CN": 5}  # the link to the numbers
-_LISTS = {b"##DL", b"##HL", b"##LD"}  # of blocks of numbers
-_PACKED = struct.Struct("<2sB5xQQ")  # type of the block, packing, bytes unpacked and packed
-_FIRST_REFERENCE = 4  # of a conversion (CC), links to other conversions or texts from here
+_DATA = {b"##DG": 2, b"##CN": 5}  # by kind of block: index of the link to the block of its numbers
+_LISTS = {b"##DL", b"##HL", b"##LD"}  # kinds of blocks that list blocks of numbers
+_PACKED = struct.Struct("<2sB5xQQ")  # compressed block: original type, method, bytes unpacked and packed
+_FIRST_REFERENCE = 4  # index of the first link of a conversion (CC) to another conversion or a text
 
 
 def check_mdf(path: Path) -> None:
-    """Refuse an MDF 4 file that asammdf would not read in bounded time and memory; what is no MDF 4 passes.
+    """Refuse an MDF file that asammdf would not read in bounded time and memory; other files pass.
 
     Raises:
-        GateError: the file is of another version, has more blocks than `LIMITS` allows, deeper ones or some
-            in a circle, unpacks to more, or has XML with entities.
+        GateError: the file has another version than 4 or XML with entities, or its number of blocks, their
+            depth or the unpacked size exceeds `LIMITS`, perhaps by a cycle.
     """
     with opened(path) as file:
         head = file.read(12)
@@ -54,10 +55,10 @@ def check_mdf(path: Path) -> None:
 class _Blocks:
     def __init__(self, path: Path, content: mmap.mmap) -> None:
         self._path, self._content, self._visits = path, content, Visits(path)
-        self._parts = self._unpacked = 0  # counts of blocks and bytes of numbers
+        self._parts = self._unpacked = 0  # number of blocks of numbers so far, and of their unpacked bytes
 
     def check(self) -> None:
-        """Follow all links as asammdf does."""
+        """Visit all blocks along the links that asammdf follows, and count them."""
         open_: list[tuple[int, int]] = [(_HEADER, 1)]
         while open_:
             at, depth = open_.pop()
@@ -74,7 +75,8 @@ class _Blocks:
                 self._measure(link)
 
     def _block(self, at: int) -> tuple[bytes, tuple[int, ...]]:
-        """Return kind and links of a block; nothing is linked by what is outside the file."""
+        """Return kind and links (byte offsets) of the block at byte offset `at`; b"" and () if it is outside
+        the file."""
         if not 0 < at <= len(self._content) - _BLOCK.size:
             return b"", ()
         kind, length, count = _BLOCK.unpack_from(self._content, at)
@@ -90,7 +92,8 @@ class _Blocks:
         check_count(self._path, math.prod(sizes), LIMITS.channels, "elements of an array channel")
 
     def _measure(self, at: int) -> None:
-        """Count the blocks of numbers that a list links, and the bytes that they unpack to."""
+        """Count the blocks of numbers that are reached from the block at byte offset `at`, and their unpacked
+        bytes."""
         open_ = [at]
         while open_:
             at = open_.pop()
@@ -109,7 +112,11 @@ class _Blocks:
                 check_size(self._path, self._unpacked, "blocks of numbers")
 
     def _unpack(self, at: int) -> int:
-        """Return the bytes that a packed block declares; refuse one that unpacks to more."""
+        """Return the number of bytes to which a compressed block declares to unpack.
+
+        Raises:
+            GateError: the block unpacks to more, or is compressed by another method than zip.
+        """
         _, packing, size, packed = _PACKED.unpack_from(self._content, at)
         if packing > 1:
             raise GateError(f"{self._path}: a block in it is packed otherwise than by zip; save it unpacked")

@@ -1,4 +1,4 @@
-"""NetCDF 4 files, which are HDF5 files with named axes, through the opener of HDF5 files."""
+"""Read NetCDF 4 files, which are HDF5 files with named axes (dimensions), through `gate.hdf5`."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from .files import opened
 from .hdf5 import Hdf5Array, Hdf5Tree, hdf5_tree, is_hdf5
 from .limits import LIMITS, check_count, check_regular
 
-# Attributes through which NetCDF keeps its axes in HDF5.
+# Names of the HDF5 attributes in which NetCDF stores its axes; they are no attributes of the data.
 _AXES = ["REFERENCE_LIST", "CLASS", "DIMENSION_LIST", "NAME", "_Netcdf4Dimid", "_Netcdf4Coordinates"]
 _OWN = frozenset([*_AXES, "_nc3_strict", "_NCProperties"])
 _AXIS_ALONE = "This is a netCDF dimension but not a netCDF variable"
-_OF_ANOTHER_AXIS = "_nc4_non_coord_"  # prefix of a variable that is called as an axis of others
+_OF_ANOTHER_AXIS = "_nc4_non_coord_"  # stored prefix of a variable named like an axis that it does not define
 
 
 class NetcdfVariable(NamedTuple):
-    """A variable: its axes by name, its numbers, and its attributes."""
+    """A variable of a NetCDF file: names of its axes, its numbers (one array axis each), its attributes."""
 
     axes: tuple[str, ...]
     values: np.ndarray
@@ -28,18 +28,18 @@ class NetcdfVariable(NamedTuple):
 
 
 class Netcdf(NamedTuple):
-    """The variables of numbers of a file by name, and the attributes of the file."""
+    """Content of a NetCDF file: its numeric variables by name, and the attributes of the file."""
 
     variables: dict[str, NetcdfVariable]
     attributes: dict[str, Any]
 
 
 def read_netcdf(path: Path) -> Netcdf:
-    """Return the variables of numbers in the first group of a NetCDF 4 file; texts are left out.
+    """Return the numeric variables in the root group of a NetCDF 4 file; variables of text are left out.
 
     Raises:
-        GateError: the file is no NetCDF 4, damaged, names other files, or has more structure than `LIMITS`
-            allows.
+        GateError: the file is no NetCDF 4, is damaged, refers to other files, or has more structure than
+            `LIMITS` allows.
     """
     check_regular(path)
     if not is_hdf5(path):
@@ -71,7 +71,10 @@ def _is_axis_alone(scale: Hdf5Array) -> bool:
 
 
 def _axes(tree: Hdf5Tree, arrays: dict[str, Hdf5Array], scales: set[str]) -> dict[str, tuple[str, ...]]:
-    """Return the names of the axes of each array: each axis lists the arrays that run along it."""
+    """Return the names of the axes of each array, "axis 0" for an unnamed one.
+
+    In the file, each array in `scales` (an axis) lists the arrays and the array axes that it belongs to.
+    """
     found = {name: [f"axis {k}" for k in range(len(one.shape))] for name, one in arrays.items()}
     for axis in sorted(scales):
         scale = arrays[axis]
@@ -85,10 +88,10 @@ def _axes(tree: Hdf5Tree, arrays: dict[str, Hdf5Array], scales: set[str]) -> dic
 
 
 def netcdf_columns(path: Path) -> dict[str, np.ndarray]:
-    """Return the variables of numbers that are no axes, each as one column of floats.
+    """Return the numeric variables that are no axes, by name, each flattened to one column of floats.
 
     Raises:
-        GateError: see `read_netcdf`.
+        GateError: `read_netcdf` refuses the file.
     """
     found = read_netcdf(path).variables
     return {n: np.ravel(one.values).astype(float) for n, one in found.items() if one.axes != (n,)}

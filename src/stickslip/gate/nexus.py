@@ -1,4 +1,4 @@
-"""Recordings in NeXus files, through the opener of HDF5 files. `recording.nexus` writes them."""
+"""Read recordings in NeXus files, as `recording.nexus` writes them, through `gate.hdf5`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from .errors import GateError
 from .hdf5 import Hdf5Array, Hdf5Group, hdf5_tree
 from .netcdf import Netcdf, NetcdfVariable
 
-DATA = "/entry/data"  # the samples
-ATTRIBUTES = "/entry/recording"  # the attributes of the recording
-# Attributes of NeXus, which are not those of the recording or of its variables.
+DATA = "/entry/data"  # path of the group that contains the samples
+ATTRIBUTES = "/entry/recording"  # path of the group that has the recording's attributes
+# Names of attributes that belong to the NeXus format, not to the recording or to its variables.
 OF_RECORDING = frozenset(["NX_class"])
 OF_VARIABLE = frozenset(["target"])
 
@@ -20,7 +20,7 @@ def read_nexus(path: Path) -> Netcdf:
     """Return the variables and attributes of a recording in a NeXus file.
 
     Raises:
-        GateError: the file is damaged, names other files, or is no recording of ours.
+        GateError: the file is damaged, refers to other files, or was not written by this package.
     """
     with hdf5_tree(path) as tree:
         data, kept = _group(tree.root, DATA), _group(tree.root, ATTRIBUTES)

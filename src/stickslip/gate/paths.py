@@ -14,16 +14,16 @@ _NOT_PLAIN = "\\:"  # on Windows these lead to another drive or to a stream of a
 
 
 def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") -> Path:
-    """Return the path of a named file or folder in a folder, with all links resolved.
+    """Return the absolute path of a file or folder below a root folder, with all links resolved.
 
     Args:
-        root: the folder.
-        name: parts separated by slashes; the file need not exist.
+        root: the folder that the path must not leave.
+        name: relative path, its parts separated by slashes; the file need not exist.
         called: name of the folder in error messages.
 
     Raises:
-        GateError: the name is absolute or too long, or leads out of the folder by dots or by a link. A part
-            is empty, hidden or not printable. Or the path is a pipe or a device.
+        GateError: the name is absolute, too long, or leads out of the folder by dots or by a link; a part is
+            empty, hidden or not printable; or the path is a pipe or a device.
     """
     shown = repr(name[:_SHOWN])
     parts = name.split("/")

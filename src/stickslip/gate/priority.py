@@ -1,9 +1,9 @@
-"""Priority of a process: what owns an output comes first, what computes for long comes last.
+"""Priority of processes: high for a process that controls an output, low for one with long computations.
 
-Linux may share the processor among sessions first, and among the processes of a session afterwards
-("autogroup"). A process that computes therefore gets a session of its own: in the session of the panel it
-would use up the panel's share. To raise a priority needs a permission (`RLIMIT_NICE`); without it the
-priority stays as it is.
+Linux may divide processor time among sessions first, and then among the processes of each session
+("autogroup"). A computing process therefore gets a session of its own; in the session of the control panel it
+would use up the panel's share. Raising a priority needs a permission (`RLIMIT_NICE`); without it the priority
+stays as it is.
 """
 
 from __future__ import annotations
@@ -12,12 +12,15 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-LAST = 10  # nice value of fits, studies and the process that reads files
+LAST = 10  # nice value (0 is normal, 19 the lowest priority) of fits, studies and the process for files
 
 
 def come_first(nice: int) -> None:
-    """Raise the priority of this process to a nice value, where that is permitted, and that of its session if
-    the session is its own or that of a terminal. Called before threads are started."""
+    """Raise the priority of this process to a negative nice value, if that is permitted.
+
+    The priority of its session is raised too, if this process leads the session or has a terminal. Call this
+    before threads are started, because the priority applies to the calling thread and those it starts.
+    """
     if hasattr(os, "setpriority"):
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, nice)
@@ -26,9 +29,11 @@ def come_first(nice: int) -> None:
 
 
 def come_last() -> None:
-    """Lower the priority of this process, in a session of its own. Ctrl-C and the end of a terminal no longer
-    reach it: whoever started it ends it."""
+    """Lower the priority of this process to `LAST`, and give it a session of its own.
+
+    Ctrl-C and the end of a terminal then no longer end it, so the program that started it must do so.
+    """
     if hasattr(os, "setpriority"):
-        with suppress(OSError):  # the process leads a session already
+        with suppress(OSError):  # raised if the process already leads a session or a process group
             os.setsid()
         os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0), LAST))

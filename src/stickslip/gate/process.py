@@ -1,10 +1,10 @@
-"""A process that applies functions to files, and can be killed.
+"""A separate process that applies functions to files within limits of time and memory, and can be killed.
 
-A damaged file may keep a library busy for ever, and its interpreter with it.
+A damaged file may keep a library busy for ever, and with it the Python interpreter.
 
-Why the process ended decides what is said of the file. A limit that the file exceeded, or a crash, is the
-file's fault, and is remembered. If something outside ended the process (the system short of memory, a
-person), nothing is known of the file, and the next question tries again.
+The message about a file depends on how the process ended. If the file exceeded a limit or crashed the
+process, the file is at fault: this is remembered, and the file is not tried again. If the process was ended
+from outside (lack of memory, a person), nothing is known of the file, and the next request tries it again.
 """
 
 from __future__ import annotations
@@ -28,23 +28,24 @@ from typing import Any
 from .errors import GateBusy, GateError
 from .priority import come_last
 
-STUCK = 8.0  # clock time over computing time, from which on the machine or its drive is too busy
-MOST_WAITING = 8  # requests at a time; others are refused and may be repeated
-_STARTS = 60.0  # s in which the process has to start, on a busy machine
-_REMEMBERED = 500  # files that are remembered as exceeding a limit
+STUCK = 8.0  # waiting time for a file over its allowed processor time, after which the machine is too busy
+MOST_WAITING = 8  # largest number of requests that wait at a time; others are refused and may be repeated
+_STARTS = 60.0  # longest time for starting the process on a busy machine, s
+_REMEMBERED = 500  # largest number of files that are remembered as being at fault
 
-# Ends of the process that are the file's fault. All others (SIGKILL by a system that is short of memory,
-# SIGTERM, an exit) say nothing of the file.
+# Exit codes of the process that are the file's fault. All others (SIGKILL for lack of memory, SIGTERM, an
+# exit) say nothing about the file.
 _CRASHES = {-signal.SIGSEGV, -signal.SIGABRT, -signal.SIGFPE, -signal.SIGILL}
 
 
 class Fence:
-    """A process that works on one file after the other. A file that exceeds a limit or crashes the process is
-    not tried again unless it changes.
+    """A process that works on one file at a time within limits, and is restarted when it was killed.
+
+    A file that exceeds a limit or crashes the process is not tried again unless it changes.
 
     Args:
-        modules: names of modules that the process imports when it starts. Imports that a function does itself
-            count as computing and memory of its file.
+        modules: names of modules that the process imports when it starts. Time and memory for imports by a
+            function itself count for its file.
     """
 
     def __init__(self, modules: Iterable[str] = ()) -> None:
@@ -56,17 +57,18 @@ class Fence:
         self._at_fault: OrderedDict[tuple[str, int, int], str] = OrderedDict()
 
     def __call__(self, act: Callable[[Path], Any], path: Path, computing: float, memory: int) -> Any:
-        """Return what a function makes of a file.
+        """Return the result of `act(path)`, computed in the process.
 
         Args:
-            act: a function of a module, or a partial of one.
-            path: the file, its argument.
-            computing: s of processor time that the function may take.
-            memory: bytes that the function may take.
+            act: a function at the top of a module, or a partial of one, so that it can be pickled.
+            path: the file.
+            computing: processor time that the function may take, s.
+            memory: memory that the function may take, bytes.
 
         Raises:
-            GateError: the function exceeded a limit, or crashed.
-            GateBusy: the file was not tried, or the process was ended from outside.
+            GateError: the function exceeded a limit, or crashed the process.
+            GateBusy: the file was not read for a reason outside it (other requests, a busy machine, the
+                process was ended from outside).
             OSError: there is no such file.
             Exception: raised by the function.
         """
@@ -93,13 +95,13 @@ class Fence:
         return answer
 
     def start(self) -> None:
-        """Start the process if it is not running; raises GateBusy if that fails."""
+        """Start the process if it is not running. Raises GateBusy if it does not start within 60 s."""
         with self._lock:
             self._start()
 
     def close(self) -> None:
-        """End the process."""
-        process, self._process = self._process, None  # a question may wait for it, in another thread
+        """Kill the process. The next request starts a new one."""
+        process, self._process = self._process, None  # another thread may be waiting for its answer
         if process is not None:
             process.kill()
             process.wait()
@@ -108,7 +110,11 @@ class Fence:
     def _asked(
         self, act: Callable[[Path], Any], path: Path, computing: float, memory: int
     ) -> tuple[str, Any]:
-        """Return "done", "error", "fault" or "busy", and the answer, the error or the sentence."""
+        """Send a request to the process; return the kind of its end, and what belongs to it.
+
+        The kinds are "done" with the result, "error" with the function's exception, "fault" (of the file)
+        and "busy" (nothing is known of the file), both with a sentence.
+        """
         folder = Path(path.anchor) if path.is_absolute() else Path.cwd()
         request = pickle.dumps((act, path, computing, memory, folder))
         process = self._start()
@@ -129,7 +135,7 @@ class Fence:
         if code in _CRASHES:
             name = signal.Signals(-code).name
             return "fault", f"{path}: reading it crashed the process that reads files ({name}): damaged?"
-        if code == -signal.SIGBUS:  # of a file in memory whose end is gone
+        if code == -signal.SIGBUS:  # raised by access to a memory-mapped file behind its new end
             return "busy", f"{path}: it became shorter while it was read; is it being written? Try again"
         return (
             "busy",
@@ -144,7 +150,7 @@ class Fence:
         self.close()
         here, there = socket.socketpair()
         with there:
-            # Not by multiprocessing, which would run a user's script once more in the new process.
+            # Not by multiprocessing, which would import the user's script again in the new process.
             process = self._process = subprocess.Popen(
                 [sys.executable, "-m", "stickslip.gate.process", str(there.fileno()), *self._modules],
                 pass_fds=[there.fileno()],
@@ -168,12 +174,14 @@ def _ending(code: int) -> str:
 
 
 def work(connection: Connection, modules: Iterable[str]) -> None:
-    """Import modules, then answer requests until the other end is closed; a limit of computing time ends this
-    process."""
+    """Run the fence's process: import modules, then answer requests until the other end is closed.
+
+    A request that exceeds its processor time ends this process by the signal SIGPROF.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     come_last()
     for name in modules:
-        with suppress(ImportError):  # the function that needs the module will say so
+        with suppress(ImportError):  # a function that needs the module will raise the error
             import_module(name)
     connection.send_bytes(b"ready")
     with suppress(EOFError, OSError):
@@ -182,14 +190,16 @@ def work(connection: Connection, modules: Iterable[str]) -> None:
 
 
 def _answered(request: bytes) -> bytes:
-    """Return the pickled kind and answer of a request; see `Fence._asked`."""
+    """Execute a pickled request and return the pickled answer: a kind and a value, as `Fence._asked` returns
+    them."""
     try:
         act, path, computing, memory, folder = pickle.loads(request)  # imports the module of the function
-        os.chdir(folder)  # whose relative path it is
+        os.chdir(folder)  # the folder to which a relative path refers
     except Exception as error:
         return pickle.dumps(("error", _plain(error)))
     try:
-        signal.setitimer(signal.ITIMER_PROF, computing)  # needs no interpreter, which a library may hold
+        # This timer ends the process even while a library keeps the Python interpreter locked.
+        signal.setitimer(signal.ITIMER_PROF, computing)
         before = resource.getrlimit(resource.RLIMIT_AS)
         try:
             _limit_memory(memory, before[1])
@@ -198,7 +208,7 @@ def _answered(request: bytes) -> bytes:
             resource.setrlimit(resource.RLIMIT_AS, before)
         return pickle.dumps(("done", answer))
     except MemoryError:
-        if _free_memory() < memory:  # less than the function may have
+        if _free_memory() < memory:  # the machine has less memory than the limit, so the file is not at fault
             return pickle.dumps(("busy", f"{path}: the machine has no memory for it now; try again"))
         text = f"{path}: reading it takes more than the {memory / 2**20:,.0f} MiB that such a file may"
         return pickle.dumps(("fault", text))
@@ -209,7 +219,7 @@ def _answered(request: bytes) -> bytes:
 
 
 def _plain(error: Exception) -> Exception:
-    """Return the error, or its words if it cannot be sent."""
+    """Return an exception that can be pickled: the error, or a GateError with its type and message."""
     try:
         return pickle.loads(pickle.dumps(error))
     except Exception:
@@ -217,15 +227,17 @@ def _plain(error: Exception) -> Exception:
 
 
 def _limit_memory(memory: int, hard: int) -> None:
-    """Limit the memory of this process to its present use plus `memory` bytes, if the system tells its
-    use."""
+    """Limit the address space of this process to its present size plus `memory` bytes.
+
+    `hard` is the hard limit, which stays. Without Linux's /proc there is no limit.
+    """
     with suppress(OSError, ValueError):
         now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (now + memory, hard))
 
 
 def _free_memory() -> int:
-    """Return the bytes of memory that the machine has left; 0 if unknown."""
+    """Return the number of bytes of memory that are available on the machine; 0 if unknown."""
     with suppress(OSError, ValueError, StopIteration):
         lines = Path("/proc/meminfo").read_text().splitlines()
         return 1024 * int(next(one for one in lines if one.startswith("MemAvailable")).split()[1])
@@ -233,7 +245,7 @@ def _free_memory() -> int:
 
 
 if __name__ == "__main__":
-    # By its name, for what is sent to it says so too.
+    # Import this module by its name: pickled requests refer to its classes by that name, not by __main__.
     from . import process
 
     process.work(Connection(int(sys.argv[1])), sys.argv[2:])

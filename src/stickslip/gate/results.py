@@ -1,4 +1,4 @@
-"""Read other files of the package: numbers of results, attributes of recordings."""
+"""Read JSON that the package wrote: the numbers of a results.json, and attributes of recordings."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from .text import load_json, read_json
 
 
 def results_numbers(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the numbers of a results.json.
+    """Return the mapping "numbers" of a results.json, which holds the results of a command.
 
     Raises:
-        GateError: the file is no such JSON.
-        OSError: it cannot be read.
+        GateError: the file is no JSON, or has no such mapping.
+        OSError: the file cannot be read.
     """
     content = read_json(path)
     numbers = content.get("numbers") if isinstance(content, dict) else None
@@ -25,7 +25,10 @@ def results_numbers(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def json_attribute(attributes: Mapping[Any, Any], name: str) -> dict[str, Any]:
-    """Return what an attribute of a recording says as JSON; an empty mapping where it says none."""
+    """Return the mapping that an attribute of a recording contains as JSON text.
+
+    It is empty if the attribute is missing, is no JSON, or is no mapping.
+    """
     try:
         found = load_json(str(attributes.get(name, "")), f"attribute {name}")
     except GateError:

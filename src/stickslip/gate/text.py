@@ -1,7 +1,7 @@
-"""Text from outside, parsed within limits: JSON and TOML (YAML: `gate.yaml_text`).
+"""Parse JSON and TOML from outside within limits (`gate.yaml_text` parses YAML).
 
-Depth, values and digits are counted on the bytes before a parser builds anything, so a file of a few
-kilobytes can neither exhaust the stack nor the memory. Every failure is a `GateError`: one sentence with the
+Nesting depth, values and digits are counted in the text before a parser builds anything, so a file of a few
+kilobytes can exhaust neither the stack nor the memory. Every failure is a `GateError`: one sentence with the
 name of the file.
 """
 
@@ -25,15 +25,16 @@ from .elsewhere import applied
 from .errors import GateError
 from .files import opened
 
-MOST_BYTES = 1_000_000  # bytes of a file that a person writes: an input file, a parameter set
-MOST_RESULT_BYTES = 100_000_000  # bytes of a JSON that a program wrote: a fit with 5 million numbers
-MOST_DEPTH = 64  # lists and mappings within each other; the package's own files have up to 9
-MOST_VALUES = 1_000_000  # lists, mappings and texts of a JSON: up to 250 bytes of memory each
-MOST_NUMBERS = 5_000_000  # values of a JSON in all: 32 bytes of memory each
-MOST_DIGITS = 100  # characters of a number: a float has up to 25, a seed of 128 bits has 39
-_LOOKED_AT = 1000  # bytes at the start of a file in which a text has no zero byte
-_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))  # all other bytes
-# Each text, also one without its end: a pattern that never fails is never tried again from the next quote.
+MOST_BYTES = 1_000_000  # largest size of a file that a person writes (input file, parameter set), bytes
+MOST_RESULT_BYTES = 100_000_000  # largest size of a JSON file that a program wrote: 5 million numbers
+MOST_DEPTH = 64  # largest nesting depth of lists and mappings; the package's own files have up to 9 levels
+MOST_VALUES = 1_000_000  # largest number of lists and mappings of a JSON, and half that of its texts
+MOST_NUMBERS = 5_000_000  # largest number of values in a JSON in all: 32 bytes of memory each
+MOST_DIGITS = 100  # largest number of digits of a number: a float has up to 25, a seed of 128 bits has 39
+_LOOKED_AT = 1000  # number of bytes at the start of a file of which none is zero if the file is text
+_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))  # all bytes except brackets
+# Matches each quoted text, even one without an end quote: a match that cannot fail is not tried again from
+# the next quote, so the search takes linear time.
 _JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)
 _DIGITS = re.compile(rb"(?<![0-9])[0-9]{%d}" % (MOST_DIGITS + 1))
 _HALF_LETTER = re.compile(rb"\\u[dD][89abAB]|\\u[dD][c-fC-F]")
@@ -49,10 +50,10 @@ _TOML_PARTS = re.compile(
 
 
 def read_file(path: str | os.PathLike[str], most: int = MOST_BYTES) -> bytes:
-    """Read a plain file of up to `most` bytes.
+    """Return the bytes of a regular file of up to `most` bytes.
 
     Raises:
-        GateError: no plain file (a folder, a pipe, a device), or a larger one.
+        GateError: the path is no regular file (a folder, a pipe, a device), or the file is larger.
         OSError: the file cannot be read.
     """
     with opened(path) as file:
@@ -63,22 +64,22 @@ def read_file(path: str | os.PathLike[str], most: int = MOST_BYTES) -> bytes:
 
 
 def parsed(load: Callable[[bytes, str], Any], path: str | os.PathLike[str], most: int = MOST_BYTES) -> Any:
-    """Return the content of a text file of up to `most` bytes, which a server has parsed elsewhere.
+    """Return the content of a text file of up to `most` bytes; a server parses it in its fence's process.
 
     Args:
         load: `load_json`, `load_toml` or `load_yaml`.
-        path: of the file.
-        most: bytes.
+        path: path of the file.
+        most: largest size of the file, bytes.
 
     Raises:
-        GateError: as `read_file`, `load` and `applied` raise it.
+        GateError: the file is too large or not valid, or reading it exceeded a limit.
         OSError: the file cannot be read.
     """
     return applied(partial(_loaded, load=load, most=most), Path(path))
 
 
 def read_json(path: str | os.PathLike[str], most: int = MOST_RESULT_BYTES) -> Any:
-    """Read a JSON file of up to `most` bytes; raises as `parsed` does."""
+    """Return the content of a JSON file of up to `most` bytes. Raises the errors of `parsed`."""
     return parsed(load_json, path, most)
 
 
@@ -87,7 +88,11 @@ def _loaded(path: Path, load: Callable[[bytes, str], Any], most: int) -> Any:
 
 
 def unzipped(raw: bytes, source: str, most: int = MOST_RESULT_BYTES) -> bytes:
-    """Return the content of gzip data; raises GateError where it is damaged or has more than `most` bytes."""
+    """Return the uncompressed bytes of gzip data; `source` names the file in errors.
+
+    Raises:
+        GateError: the data are damaged, or unpack to more than `most` bytes.
+    """
     try:
         found = gzip.GzipFile(fileobj=io.BytesIO(raw)).read(most + 1)
     except Exception as error:  # OSError, EOFError, ValueError, zlib.error
@@ -98,8 +103,13 @@ def unzipped(raw: bytes, source: str, most: int = MOST_RESULT_BYTES) -> bytes:
 
 
 def decoded(raw: bytes | str, source: str) -> str:
-    """Decode UTF-8 text with any line ends; raises GateError that says what else it seems to be. Text that is
-    decoded already stays as it is."""
+    """Return UTF-8 bytes as text in which all line ends are LF; `source` names the file in errors.
+
+    Text that is already decoded is returned unchanged.
+
+    Raises:
+        GateError: the bytes are not UTF-8; the message says what they seem to be.
+    """
     if isinstance(raw, str):
         return raw
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in raw[:_LOOKED_AT]:
@@ -119,10 +129,11 @@ def load_json(raw: bytes | str, source: str) -> Any:
 
     Args:
         raw: the text, or its bytes in UTF-8.
-        source: what errors call it, the path of a file for example.
+        source: name of the text in errors, such as the path of its file.
 
     Raises:
-        GateError: no JSON, too deep, too many values, a name given twice, a number of too many digits.
+        GateError: the text is no JSON, is nested too deeply, has too many values or a number of too many
+            digits, or gives a name twice.
     """
     written = raw if isinstance(raw, bytes) else raw.encode("utf-8", "surrogatepass")
     text = decoded(raw, source)
@@ -141,7 +152,7 @@ def load_json(raw: bytes | str, source: str) -> Any:
 
 
 def load_toml(raw: bytes | str, source: str) -> dict[str, Any]:
-    """Return the content of a TOML text; arguments and errors as those of `load_json`."""
+    """Return the content of a TOML text. Arguments and errors are those of `load_json`."""
     text = decoded(raw, source)
     if len(text) > MOST_BYTES:
         raise too_large(source, len(text), MOST_BYTES)
@@ -155,7 +166,7 @@ def load_toml(raw: bytes | str, source: str) -> dict[str, Any]:
 
 
 def check_depth(content: Any, source: str) -> None:
-    """Raise GateError for lists and mappings that are deeper within each other than `MOST_DEPTH`."""
+    """Raise GateError if lists and mappings are nested more than `MOST_DEPTH` levels deep."""
     level: list[Any] = [content]
     for _ in range(MOST_DEPTH + 1):
         level = [one for part in level for one in _parts(part)]
@@ -165,12 +176,12 @@ def check_depth(content: Any, source: str) -> None:
 
 
 def too_large(source: str, size: int, most: int) -> GateError:
-    """Return the error for a text of `size` bytes where there may be `most`."""
+    """Return the error for a text of `size` bytes if `most` are allowed."""
     return GateError(f"{source}: {size / 1e6:.1f} MB; such a file has up to {most / 1e6:g} MB")
 
 
 def too_deep(source: str, line: int = 0) -> GateError:
-    """Return the error for a text whose parts are too deep within each other."""
+    """Return the error for a text that is nested too deeply, at a line number if it is not 0."""
     where = f"line {line}: " if line else ""
     return GateError(
         f"{source}: {where}lists and mappings are within each other more than {MOST_DEPTH} deep; "
@@ -179,14 +190,14 @@ def too_deep(source: str, line: int = 0) -> GateError:
 
 
 def too_many(source: str, most: int) -> GateError:
-    """Return the error for a text of too many values."""
+    """Return the error for a text with more than `most` values."""
     return GateError(
         f"{source}: it holds more than {most:,} values, references counted as often as they are used"
     )
 
 
 def too_long(source: str, line: int = 0) -> GateError:
-    """Return the error for a number of too many digits."""
+    """Return the error for a number of too many digits, at a line number if it is not 0."""
     where = f"line {line} has" if line else "it has"
     return GateError(f"{source}: {where} a number of more than {MOST_DIGITS} digits")
 
@@ -206,7 +217,10 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _check_json(raw: bytes, source: str) -> None:
-    """Count values, depth and digits; what is no JSON passes, for the parser to say why."""
+    """Raise GateError if the number of values, the nesting depth or the digits of a number exceed the limits.
+
+    Text that is no JSON passes, so that the parser can say why it is none.
+    """
     if raw.count(b'"') > 4 * MOST_VALUES:
         raise too_many(source, MOST_VALUES)
     bare = _JSON_TEXT.sub(b"", raw)
@@ -225,7 +239,10 @@ def _check_json(raw: bytes, source: str) -> None:
 
 
 def _check_toml(text: str, source: str) -> None:
-    """Count brackets, the parts of dotted keys and digits; what is no TOML passes, as in `_check_json`."""
+    """Raise GateError if brackets or dotted keys are nested too deeply, or a number has too many digits.
+
+    Text that is no TOML passes, so that the parser can say why it is none.
+    """
     depth = dots = 0
     for found in _TOML_PARTS.finditer(text):
         kind = found.lastgroup
@@ -240,5 +257,5 @@ def _check_toml(text: str, source: str) -> None:
             dots += word.count(".")
             if word[0] in "0123456789+-" and len(word) > MOST_DIGITS:
                 raise too_long(source, text.count("\n", 0, found.start()) + 1)
-        if depth > MOST_DEPTH or dots > MOST_DEPTH:  # dotted keys are mappings within each other
+        if depth > MOST_DEPTH or dots > MOST_DEPTH:  # each part of a dotted key is a nested mapping
             raise too_deep(source, text.count("\n", 0, found.start()) + 1)

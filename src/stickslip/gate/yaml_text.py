@@ -1,9 +1,9 @@
-"""YAML from outside: values are built from the parser's events, one by one, within limits.
+"""Parse YAML from outside: values are built from the parser's events, one by one, within limits.
 
-A parser that composes a tree first runs out of stack at 50,000 brackets, and out of memory at eight lines of
-references. Here depth and values are counted at each event, those behind a reference as often as it is used,
-before anything is built. Of YAML 1.1, input files have no numbers of base 60 (``1:30`` is a text), no tags
-but ``!!str``, and no keys but texts.
+A parser that first composes a tree exhausts the stack at 50,000 brackets, and the memory at eight lines of
+references (anchors and aliases). Here depth and values are counted at each event before anything is built;
+values behind a reference count each time it is used. Three features of YAML 1.1 are missing: numbers of base
+60 (``1:30`` is a text), tags other than ``!!str``, ``!!map`` and ``!!seq``, and keys that are not texts.
 """
 
 from __future__ import annotations
@@ -17,23 +17,28 @@ import yaml
 from .errors import GateError
 from .text import MOST_BYTES, MOST_DEPTH, MOST_DIGITS, decoded, too_deep, too_large, too_long, too_many
 
-MOST_YAML_VALUES = 100_000  # values, each as often as it is referred to: 1 MB of numbers with 9 digits
+# Largest number of values, counted each time they are referred to: 1 MB of numbers with 9 digits.
+MOST_YAML_VALUES = 100_000
 _TAG = "tag:yaml.org,2002:"
 _PLAIN = (None, "!")
-_PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast
+_PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C parser, if installed, is 10 times faster
 _RULES: dict[str | None, list[tuple[str, re.Pattern[str]]]] = yaml.SafeLoader.yaml_implicit_resolvers
 _NUMERIC = re.compile(r"[-+.]?[0-9][-+0-9_.:a-fA-Fxo]*")
 
 
 class _Held(NamedTuple):
-    """A parsed value with its number of values; those behind references count at each use."""
+    """A parsed value with the number `size` of all values in it, which counts again at each reference."""
 
     value: Any
     size: int
 
 
 class _Open:
-    """A list or mapping that is being read: its pairs in turn, a key before its value."""
+    """A list or mapping that is being read.
+
+    `made` is its content so far, `anchor` its name for references, and `size` the number of values in it.
+    `key` is the key of a mapping whose value comes next, and `merged` are the mappings given by "<<".
+    """
 
     def __init__(self, made: Any, anchor: str | None) -> None:
         self.made, self.anchor, self.size = made, anchor, 1
@@ -46,15 +51,17 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
 
     Args:
         raw: the text, or its bytes in UTF-8.
-        source: what errors call it, the path of a file for example.
+        source: name of the text in errors, such as the path of its file.
 
     Raises:
-        GateError: no YAML, too deep, too many values, a key given twice, a number of too many digits.
+        GateError: the text is no YAML, is nested too deeply, has too many values or a number of too many
+            digits, or gives a key twice.
     """
     text = decoded(raw, source)
     if len(text) > MOST_BYTES:
         raise too_large(source, len(text), MOST_BYTES)
-    if re.search(r"^%(?!YAML)", text, re.MULTILINE):  # each would be compared with all before it
+    # A parser compares each directive with all previous ones, so many of them take quadratic time.
+    if re.search(r"^%(?!YAML)", text, re.MULTILINE):
         raise GateError(f"{source}: a line starts with '%', which input files do not use")
     try:
         return _Built(source).of(yaml.parse(text, Loader=_PARSER))
@@ -68,12 +75,12 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
 
 
 class _Built:
-    """Builder of the value of a document from its events."""
+    """Builder of a YAML document's value from the events of the parser; `source` names the text in errors."""
 
     def __init__(self, source: str) -> None:
         self._source, self._count = source, 0
         self._open: list[_Open] = []
-        self._named: dict[str, _Held | None] = {}  # None: not complete
+        self._named: dict[str, _Held | None] = {}  # value of each anchor; None while it is being read
         self._whole: list[Any] = []
 
     def of(self, events: Iterator[Any]) -> Any:
@@ -101,8 +108,8 @@ class _Built:
         self._put(_Held(value, 1))
 
     def _value(self, event: Any) -> Any:
-        """Return the value of a scalar: a number, date or None if its plain text looks like one, else the
-        text."""
+        """Return the value of a scalar: a number, bool, date or None if its unquoted text looks like one,
+        else the text."""
         text, tag = event.value, event.tag
         if tag in _PLAIN:
             if not event.implicit[0] or tag == "!":
@@ -129,7 +136,7 @@ class _Built:
         if key in place.made or (key == "<<" and place.merged):
             raise self._error(event, f"the key {key[:60]!r} is given twice")
         place.key = key
-        place.made[key] = None  # reserve the key's place in the order
+        place.made[key] = None  # keeps the order of keys, because the value is set later
         self._add(1)
 
     def _start(self, event: Any) -> None:

@@ -1,4 +1,5 @@
-"""Log of acts on the runs of a folder that leave no file themselves: exports, renamings, drives sent."""
+"""Log of actions on the runs (recordings, fits) of a folder that leave no file of their own there: exports,
+renamings, drives sent to a rig."""
 
 from __future__ import annotations
 
@@ -17,36 +18,44 @@ from ..gate.files import opened
 from ..gate.text import load_json
 from .storable import storable
 
-FILE = "acts.jsonl"  # in the folder: one JSON line for each act
-MOST_BYTES = 8_000_000  # number of bytes that are read, from the end of the file: 60,000 acts
-_FIELDS = ("time", "act", "name", "was", "of", "file", "drive", "kind")  # fields of an act, all of them texts
+FILE = "acts.jsonl"  # name of the log in the folder; it has one JSON line for each action
+MOST_BYTES = 8_000_000  # number of bytes that are read, from the end of the log: about 60,000 actions
+_FIELDS = ("time", "act", "name", "was", "of", "file", "drive", "kind")  # fields of an action; all are texts
 
 
 def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
-    """Append an act on a run to the folder's log, with the fields in `more`, and return it.
+    """Append an action on a run to the folder's log, and return the written fields.
+
+    Args:
+        folder: folder of the laboratory.
+        act: kind of the action, such as "renamed".
+        name: name of the run (its path in the folder).
+        more: further fields, such as `was`, the previous name of a renamed run.
 
     Raises:
-        OSError: the folder cannot be written.
+        OSError: the log cannot be written.
     """
     time = datetime.now(UTC).isoformat(timespec="seconds")
     line = storable({"time": time, "act": act, "name": name, **more})
     path = folder / FILE
-    if path.is_symlink() or (path.exists() and not path.is_file()):  # writing to a pipe would block
+    # A link could lead out of the folder, and writing to a pipe would block.
+    if path.is_symlink() or (path.exists() and not path.is_file()):
         raise FileExistsError(errno.EEXIST, "no plain file", str(path))
     with path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(line, ensure_ascii=False) + "\n")
     return line
 
 
-_KNOWN: dict[Path, tuple[tuple[int, int, int], list[dict[str, Any]]]] = {}  # state of a file, and its acts
+# For each log that was read: its inode, time of change and size at that time, and its actions.
+_KNOWN: dict[Path, tuple[tuple[int, int, int], list[dict[str, Any]]]] = {}
 _READING = threading.Lock()
 
 
 def read_acts(folder: Path) -> list[dict[str, Any]]:
-    """Return the acts, oldest first, with the present names of the runs.
+    """Return the logged actions of a folder, oldest first, with the present names of the runs.
 
-    Damaged lines are left out, and so are all but the last `MOST_BYTES` of the file. If the file cannot be
-    read at the moment, the last known acts are returned.
+    Damaged lines are left out, and so are all but the last `MOST_BYTES` of the log. If there is no time or
+    memory to read the log, the last known actions are returned. Without a readable log the list is empty.
     """
     path = folder / FILE
     with _READING:
@@ -66,7 +75,11 @@ def read_acts(folder: Path) -> list[dict[str, Any]]:
 
 
 def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
-    """Return the present names of renamed runs, by each earlier name, from the result of `read_acts`."""
+    """Return the present name of each renamed run by each of its earlier names.
+
+    Args:
+        acts: actions as `read_acts` returns them.
+    """
     found: dict[str, str] = {}
     for one in acts:
         if one["act"] == "renamed":
@@ -75,7 +88,7 @@ def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
 
 
 def _acts_of(path: Path) -> list[dict[str, Any]]:
-    """Return the acts of a file, with present names."""
+    """Return the actions in a log, oldest first, with the present names of the runs."""
     with opened(path) as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(max(size - MOST_BYTES, 0))
@@ -83,7 +96,7 @@ def _acts_of(path: Path) -> list[dict[str, Any]]:
 
 
 def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
-    """Return the acts in lines of a file."""
+    """Return the actions in the lines of a log; lines that are no valid action are left out."""
     found = []
     for line in filter(None, lines):
         try:
@@ -92,14 +105,14 @@ def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
             texts = ["act", "name", *(["was"] if one["act"] == "renamed" else [])]
             if all(isinstance(one[key], str) for key in texts):
                 found.append({key: one[key] for key in _FIELDS if isinstance(one.get(key), str)})
-        except (ValueError, TypeError, LookupError):  # not an act
+        except (ValueError, TypeError, LookupError):  # the line is not an action
             continue
     return found
 
 
 def _with_present_names(acts: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return acts, each with the name that its run has after all later renamings."""
-    later: dict[str, str] = {}  # name -> present name, collected from the last act backwards
+    """Return actions (oldest first), each with the name that its run has after all later renamings."""
+    later: dict[str, str] = {}  # name -> present name, collected from the last action backwards
     found = []
     for one in reversed(acts):
         was = str(one["name"])

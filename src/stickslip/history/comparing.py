@@ -13,13 +13,17 @@ from ..gate.text import load_json
 from ..recording import RecordingError
 from ..recording.shown_drive import drive_begins
 
-TRIGGER, DRIVE = "trigger", "begin of the drive"  # possible zeros of a clock, the preferred one first
+# Events of a recording that can be the zero of its clock, the preferred one first.
+TRIGGER, DRIVE = "trigger", "begin of the drive"
 
 
 def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Return the differences between rows of an index: name -> one value per row; None without a value.
+    """Return the columns and settings in which rows of the index differ.
 
-    Settings are compared one by one: ``variables.voltage``, ``capture.interval``.
+    Settings are compared one by one, under names such as ``variables.voltage`` and ``capture.interval``.
+
+    Returns:
+        For each name with different values: one value per row, None if the row has no value.
     """
     flat = flat_rows(rows)
     names = dict.fromkeys(name for one in flat for name in one if name not in _ALWAYS)
@@ -28,10 +32,11 @@ def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
 
 
 def flat_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return each row with its settings as separate columns."""
+    """Return each row with its settings as separate columns, under names such as ``capture.interval``."""
     return [_flat({**row, "settings": json.loads(row.get("settings") or "{}")}) for row in rows]
 
 
+# Columns that are not compared, because they differ between any two runs.
 _ALWAYS = ("name", "changed", "bytes", "begun", "settings", "links")
 
 
@@ -46,29 +51,29 @@ def _flat(content: Any, name: str = "") -> dict[str, Any]:
 
 
 class Zero(NamedTuple):
-    """Zero of the clock of a compared recording.
+    """New zero of a recording's clock, for a comparison of recordings.
 
-    `time` [s] is the time of `event` on the recording's own clock; without an event ("") the clock is
-    unchanged.
+    `event` is the event at the new zero, and `time` [s] is its time on the recording's own clock. Without an
+    event (""), `time` is 0 and the clock stays.
     """
 
     time: float
     event: str
-    triggered: bool  # the recording started by a trigger
+    triggered: bool  # True if the recording was started by a trigger
 
 
 def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:
-    """Return the zero of each clock, so that simultaneous events coincide.
+    """Choose the zero of each recording's clock, so that corresponding events have the same time.
 
-    All use the same event if possible: an event of the first recording that most of the others have too. Only
-    recordings with that zero are compared with the first: see `comparable`.
+    If possible, all recordings use the same event: that of the first recording which most of the others have
+    too. `comparable` finds the recordings with this event; only they can be compared with the first.
     """
     known = [_events(one) for one in recordings]
 
     def shared(event: str) -> int:
         return sum(event in one for one in known) if event in known[0] else -1
 
-    common = max((TRIGGER, DRIVE), key=shared)  # the first of equal ones
+    common = max((TRIGGER, DRIVE), key=shared)  # TRIGGER if both are equally frequent
     zeros = []
     for one in known:
         event = common if common in one else next(iter(one), "")
@@ -77,8 +82,10 @@ def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:
 
 
 def comparable(zeros: Sequence[Zero]) -> list[bool]:
-    """Return True for each recording with the same zero as the first; differences between other clocks are
-    meaningless."""
+    """Return, for each recording, whether its clock has the same event as zero as that of the first.
+
+    Differences between recordings whose clocks have other zeros are meaningless.
+    """
     return [zero.event != "" and zero.event == zeros[0].event for zero in zeros]
 
 
@@ -89,14 +96,15 @@ def _events(recording: xr.Dataset) -> dict[str, float]:
     found = {TRIGGER: float(before)} if triggered else {}
     begins = drive_begins(recording)
     if begins is None and capture and not triggered:
-        begins = before  # from the capture's own data, see `rig.Capture`
+        begins = before  # a capture without a trigger starts this time before the drive, s
     if begins is None and ("model" in recording.attrs or recording.attrs.get("source") == "simulation"):
         begins = float(recording["time"][0]) if "drive_voltage" in recording else None
     return found if begins is None else {**found, DRIVE: float(begins)}
 
 
 def _capture(recording: xr.Dataset) -> dict[str, Any]:
-    """Return the settings of the rig's capture; empty for a user's own file, or if they are damaged."""
+    """Return the settings with which a rig recorded (`rig.Capture`); empty for a user's own file, or if they
+    are damaged."""
     try:
         found = load_json(str(recording.attrs.get("capture") or "{}"), "capture")
         float(found.get("pre_trigger", 0.0))
@@ -106,7 +114,9 @@ def _capture(recording: xr.Dataset) -> dict[str, Any]:
 
 
 def on_one_clock(recordings: Sequence[xr.Dataset], channel: str) -> xr.Dataset:
-    """Return a channel of several recordings at the times of the first, within the times of all.
+    """Interpolate a channel of several recordings to the sampling times of the first one.
+
+    Only times are used that all recordings cover. The clocks must have a common zero (`common_zeros`).
 
     Returns:
         Dataset over "time" [s] and "run": the channel, and `difference` of each from the first, in its unit.

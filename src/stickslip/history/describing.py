@@ -1,4 +1,4 @@
-"""Entries of the index, read from the files."""
+"""Read recordings, fits, experiments and parameter sets, and return their columns for the index."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ if TYPE_CHECKING:
 
 RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt", ".mf4")
 
-MOST_LISTED = 50  # largest number of values of a list in an entry
+MOST_LISTED = 50  # largest number of values of a list in the index; a longer list is replaced by a checksum
 
-NOTE, LINKS = "notes.json", "links.json"  # in a fit's folder: the user's notes, and the recordings of the fit
+# Files in the folder of a fit or verification: the user's notes and tags; its kind and links to other runs.
+NOTE, LINKS = "notes.json", "links.json"
 NOTES = (NOTE, LINKS)
 
 
 def described(recording: xr.Dataset) -> dict[str, Any]:
-    """Return the columns of a recording for the index, except its name and size.
+    """Return the columns of a recording for the index, except its name, size and time of change.
 
-    `settings` are drive, capture, limits, variables of the experiment, the actuator as in the file, and the
-    contact's properties that a virtual rig used in the run. For a recording from a user's file, they contain
-    the name of that file.
+    The column `settings` has drive, capture, limits, variables of the experiment, the actuator as the file
+    names it, and the properties of the contact that a virtual rig used in the run. For a recording that was
+    read from a user's file it also has the name of that file (`source`).
     """
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values
@@ -68,9 +69,14 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
 
 
 def described_fit(path: Path) -> dict[str, Any]:
-    """Return the columns of a fit from its results.json, and from the request of the panel, if there is one.
+    """Return the columns of a fit or verification for the index.
 
-    `links` are the recordings that it was made from, those that verified it, and steps of the stage.
+    They come from its results.json and, if the panel made it, from the panel's request in shown.json. The
+    column `links` has the recordings that were fitted, those that verified the fit, and those of steps of the
+    stage.
+
+    Args:
+        path: path of the results.json.
 
     Raises:
         GateError: a file of the folder cannot be read, or leads out of it.
@@ -101,7 +107,10 @@ def described_fit(path: Path) -> dict[str, Any]:
 
 
 def described_run(path: Path) -> dict[str, Any]:
-    """Return the columns of an experiment without a recording, from its log, or from its file if it has none.
+    """Return the columns of an experiment that made no recording, such as one that was stopped at once.
+
+    Args:
+        path: log of the experiment, or the experiment's YAML file if there is no log.
 
     Raises:
         GateError, InputFileError: the file cannot be read.
@@ -121,7 +130,12 @@ def described_run(path: Path) -> dict[str, Any]:
 
 
 def _mapping(folder: Path, name: str, most: int = MOST_RESULT_BYTES) -> dict[str, Any]:
-    """Return the content of a JSON file of a folder, of up to `most` bytes; empty if it does not exist."""
+    """Return the mapping in a JSON file of a folder, of up to `most` bytes; empty if the file does not exist.
+
+    Raises:
+        GateError: the file cannot be read, or leads out of the folder.
+        RecordingError: the content is no mapping.
+    """
     path = inside(folder, name)
     found = read_json(path, most) if path.is_file() else {}
     if not isinstance(found, dict):
@@ -130,10 +144,15 @@ def _mapping(folder: Path, name: str, most: int = MOST_RESULT_BYTES) -> dict[str
 
 
 def _outcome(phase: str, failures: Any) -> str:
-    """Return the outcome of a fit or verification.
+    """Return the outcome of a fit or verification: its phase, or after its end "complete" or "not as
+    required".
 
-    A finished one may still report that its model does not explain the data, or that a requirement is not
-    met. The word is the same as in the commands, which then end with an error.
+    The latter means that the model does not explain the data, or that a requirement is not met. The commands
+    use the same words, and then end with an error.
+
+    Args:
+        phase: phase of the work in the panel, "done" after its end.
+        failures: list of texts, each a requirement that is not met.
     """
     if phase not in ("done", "complete"):
         return phase
@@ -142,7 +161,8 @@ def _outcome(phase: str, failures: Any) -> str:
 
 
 def _brief(value: Any) -> Any:
-    """Return a value; a long list is replaced by its length and a checksum."""
+    """Return a JSON value in which each list of more than `MOST_LISTED` values is replaced by a text with its
+    length and checksum."""
     if isinstance(value, dict):
         return {key: _brief(one) for key, one in value.items()}
     if isinstance(value, list) and len(value) > MOST_LISTED:
@@ -158,7 +178,7 @@ def _read(text: object) -> Any:
 
 
 def described_set(path: Path) -> dict[str, Any]:
-    """Return the columns of a parameter set that was saved from a fit; `links` is that fit."""
+    """Return the columns of a parameter set for the index; `links` has the fits that its values come from."""
     found = load_set(path)
     entries = found.entries()
     fits = {one.source.removeprefix("fit ") for one in entries.values() if one.source.startswith("fit ")}
@@ -178,10 +198,16 @@ def annotate(
     tags: list[str] | None = None,
     read: Callable[[Path], xr.Dataset] = open_recording,
 ) -> None:
-    """Change the notes or tags of a recording, or of the folder of a fit, completely or not at all.
+    """Change the notes or tags of a recording or a fit. The file is replaced as a whole or not at all.
+
+    Args:
+        path: a .nc file, or the folder of a fit.
+        notes: new notes; None keeps the present ones.
+        tags: new tags; None keeps the present ones.
+        read: function that reads a recording.
 
     Raises:
-        RecordingError, GateError: it is neither a .nc file nor a fit, or cannot be read.
+        RecordingError, GateError: the path is neither a .nc file nor a fit, or cannot be read.
     """
     new: dict[str, str] = {}
     if notes is not None:

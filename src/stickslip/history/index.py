@@ -1,4 +1,4 @@
-"""Index of a folder: one SQLite table beside the files, updated whenever it is read."""
+"""Index of the runs in a folder: one SQLite table beside the files, which every query updates first."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ COLUMNS = (
 _NUMBERS = {"changed": "REAL", "bytes": "INTEGER", "seconds": "REAL", "samples": "INTEGER"}
 TEXTS = tuple(column for column in COLUMNS if column not in _NUMBERS)  # columns that a search examines
 _FOLDER = ".stickslip"
-READING = 20.0  # s in which a page's request reads new files; one file may take `STUCK` times 8 s more
+# Time in which a request of the panel's page reads new files, s. The last file may take 64 s more (`STUCK`).
+READING = 20.0
 
 
 class Index:
-    """Index of the recordings and fits of a folder and its subfolders; hidden ones are left out.
+    """Index of the recordings and fits of a folder and its subfolders, except hidden files and folders.
 
     Args:
         folder: folder of the laboratory.
-        read: process that reads files; by default a new one.
+        read: process that reads files; by default a new one, which `close` ends.
 
     Raises:
         OSError: the folder is missing. (If it cannot be written, the index is kept in memory.)
@@ -45,7 +46,8 @@ class Index:
         if not self.folder.is_dir():
             said = "is a file, not a folder" if self.folder.exists() else "there is no such folder"
             raise NotADirectoryError(20, f"{said}; name the folder of your recordings", str(folder))
-        self.patience = math.inf  # s in which a query reads new files; others are listed as not read yet
+        # Time in which a query reads new files, s. Files that remain are listed as not read yet.
+        self.patience = math.inf
         self._own = Reader() if read is None else None
         self._read: Reader = read or self._own  # type: ignore[assignment]
 
@@ -56,20 +58,20 @@ class Index:
         self.close()
 
     def close(self) -> None:
-        """End the process that reads files."""
+        """End the process that reads files, if this index started it."""
         if self._own is not None:
             self._own.close()
 
     def rebuild(self) -> None:
-        """Delete the index; the next question reads every file again."""
+        """Delete the table; the next query reads every file again."""
         (self.folder / _FOLDER / "runs.sqlite").unlink(missing_ok=True)
 
     def rows(self, search: str = "", **equal: str) -> list[dict[str, Any]]:
-        """Return the rows of all entries, the newest first.
+        """Return the rows of the index that match a search, the newest first, each as column -> value.
 
         Args:
-            search: words that must all occur in the texts of a row, in any case.
-            equal: columns and the start of their text: ``outcome="stopped"``.
+            search: words that must all occur in the texts of a row, in upper or lower case.
+            equal: for some columns, the text with which the column must start: ``outcome="stopped"``.
 
         Raises:
             ValueError: a column is unknown.
@@ -79,7 +81,7 @@ class Index:
                 raise ValueError(f"there is no column {column!r}; there are {', '.join(COLUMNS)}")
         try:
             rows = self._found(search, equal)
-        except (sqlite3.DatabaseError, ValueError, RecursionError):  # some damage in the file
+        except (sqlite3.DatabaseError, ValueError, RecursionError):  # the file of the table is damaged
             self.rebuild()
             rows = self._found(search, equal)
         acts = read_acts(self.folder)
@@ -94,7 +96,7 @@ class Index:
         return rows
 
     def _found(self, search: str, equal: dict[str, str]) -> list[dict[str, Any]]:
-        """Return the rows for `rows` from the table, with links as a mapping."""
+        """Update the table and return its rows that match, for `rows`, with `links` as a mapping."""
         with closing(self._opened()) as database:
             self._update(database)
             where, given = ["1"], list[str]()
@@ -106,7 +108,7 @@ class Index:
                     "instr(lower(" + " || ' ' || ".join(f"coalesce({c}, '')" for c in TEXTS) + "), ?)"
                 )
                 given.append(storable_text(word.lower()))
-            # Start of a run; for a user's own file, its last change.
+            # Rows are sorted by the start of the run or, for a user's own file, by its last change.
             made = "coalesce(CAST(strftime('%s', nullif(begun, '')) AS REAL), changed)"
             chosen = (
                 f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY {made} DESC, changed DESC, name"
@@ -115,7 +117,7 @@ class Index:
         return [{**row, "links": json.loads(row["links"] or "{}")} for row in rows]
 
     def binned(self) -> list[str]:
-        """Return the names in the bin, the latest first."""
+        """Return the names of the runs in the bin (deleted runs), the last deleted first."""
         root = self.folder / BIN
         moved = [path.parent for path in root.rglob("results.json")]
         moved += [p for p in root.rglob("*") if p.is_file() and not any(p.is_relative_to(m) for m in moved)]
@@ -125,10 +127,10 @@ class Index:
         ]
 
     def restore(self, name: str) -> str:
-        """Restore an entry from the bin, and return its name, which is unused.
+        """Move a run from the bin back to its place in the folder, and return its name.
 
         Raises:
-            ValueError: there is no such entry in the bin, or another one has its place.
+            ValueError: there is no such run in the bin, or another file has its place.
         """
         root = self.folder / BIN
         if name not in self.binned():
@@ -155,7 +157,7 @@ class Index:
     def _opened(self) -> sqlite3.Connection:
         path = self.folder / _FOLDER / "runs.sqlite"
         columns = ", ".join(f"{one} {_NUMBERS.get(one, 'TEXT')}" for one in COLUMNS)
-        # A link that leads elsewhere would change another program's database.
+        # Through a link the table could be written into another program's database.
         own = not path.is_symlink() and not path.parent.is_symlink()
         for place in ((str(path), str(path)) if own else ()) + (":memory:",):
             try:
@@ -169,14 +171,17 @@ class Index:
                 database.execute(f"PRAGMA user_version = {VERSION}")
                 database.commit()
                 return database
-            except (sqlite3.DatabaseError, OSError):  # damaged, or a folder without write access
+            except (sqlite3.DatabaseError, OSError):  # the file is damaged, or the folder is read-only
                 if path.is_file() and os.access(path, os.W_OK):
                     path.unlink()
         raise OSError(f"no index can be made of {self.folder}")
 
     def _update(self, database: sqlite3.Connection) -> None:
-        """Read new and changed files, and remove missing ones. Rows of files that could not be read now are
-        not committed; they belong only to this answer."""
+        """Read new and changed files into the table, and remove the rows of missing ones.
+
+        Files that were not read for lack of time or memory get a row with a problem, which is not committed:
+        it belongs only to this query, and the next one tries the file again.
+        """
         known = {
             row["name"]: (row["changed"], row["bytes"])
             for row in database.execute("SELECT name, changed, bytes FROM runs")
@@ -205,11 +210,12 @@ class Index:
         database.execute(f"INSERT OR REPLACE INTO runs VALUES ({marks})", values)
 
     def _row(self, name: str, entry: FoundRun) -> dict[str, Any]:
-        """Return the row of an entry. All rows are made here, so they can be stored; any failure becomes the
-        problem of the row.
+        """Read a found run and return its row in the form that the table stores.
+
+        Any failure to read the run becomes the text in the row's column `problem`.
 
         Raises:
-            ReaderBusy: the file was not read now.
+            ReaderBusy: the file was not read for lack of time or memory, and can be tried again.
         """
         path = Path(entry.path)
         try:
@@ -234,7 +240,7 @@ class Index:
             return self._with_problem(name, entry, error)
 
     def _with_problem(self, name: str, entry: FoundRun, error: Exception) -> dict[str, Any]:
-        """Return the row of an entry that cannot be read."""
+        """Return the row of a run that cannot be read; its column `problem` is the message of the error."""
         said = str(error) or type(error).__name__
         for path, shown in ((entry.path, name.rpartition("/")[2]), (f"{self.folder}{os.sep}", "")):
             said = said.removeprefix(f"{path}: ").replace(path, shown)
@@ -243,5 +249,5 @@ class Index:
         return storable_row(row)
 
     def _name(self, entry: FoundRun) -> str:
-        """Return the name of an entry in the folder, as it is shown."""
+        """Return the name of a run: its path relative to the folder, with unprintable characters escaped."""
         return shown_name(entry.path[len(os.path.join(self.folder, "")) :].replace(os.sep, "/"))

@@ -1,4 +1,4 @@
-"""Conversion of values from files to forms that SQLite and JSON can store, or their refusal."""
+"""Convert values from files to forms that SQLite and JSON can store, or refuse them."""
 
 from __future__ import annotations
 
@@ -11,15 +11,19 @@ from typing import Any
 
 from ..recording import RecordingError
 
-# largest number of letters of a text in a row: the longest notes of the panel; the file has the rest
+# Largest number of characters of a text in a row; longer texts are cut, but complete in the file. The panel
+# allows notes of this length.
 MOST_LETTERS = 20_000
-MOST_SETTINGS = 1_000_000  # largest number of letters of a row's settings or links, as JSON
+MOST_SETTINGS = 1_000_000  # largest number of characters of a row's settings, or of its links, as JSON
 _LARGEST = 2**63 - 1  # largest integer of SQLite
 _ESCAPE = re.compile(r"\\(?:\\|x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8})")
 
 
 def storable_text(value: object) -> str:
-    """Return a value as text without half characters (lone surrogates) and zeros, which are escaped."""
+    """Return a value as text of up to `MOST_LETTERS` characters, then "...".
+
+    Lone surrogates and NUL characters, which cannot be stored, are escaped.
+    """
     text = str(value)
     if len(text) > MOST_LETTERS:
         text = f"{text[:MOST_LETTERS]} ..."
@@ -27,7 +31,7 @@ def storable_text(value: object) -> str:
 
 
 def storable(value: Any) -> Any:
-    """Return a value of JSON with storable texts; a number that is not finite becomes None."""
+    """Return a JSON value with texts that can be stored; a number that is not finite becomes None."""
     if isinstance(value, Mapping):
         return {storable_text(key): storable(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
@@ -38,16 +42,24 @@ def storable(value: Any) -> Any:
 
 
 def storable_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the columns of a row as the table stores them: texts, finite numbers, and JSON.
+    """Return the columns of a row as the table stores them: texts, finite numbers, and JSON texts.
 
     Raises:
-        RecordingError: settings are not a mapping, or links are not a mapping of lists of names.
+        RecordingError: settings are not a mapping, links are not a mapping of lists of names, or one of them
+            is too long.
     """
     return {name: _STORED.get(name, storable_text)(value) for name, value in row.items()}
 
 
 def links_of(value: Any) -> dict[str, list[str]]:
-    """Return links, kind -> names of runs; raises RecordingError for anything else."""
+    """Check links between runs, and return them without kinds that have no names.
+
+    Args:
+        value: mapping from the kind of a link, such as "fitted", to a list of names of runs.
+
+    Raises:
+        RecordingError: the value is no such mapping.
+    """
     if not isinstance(value, Mapping):
         raise RecordingError(f"its links are no mapping of lists of names, but {_called(value)}")
     for kind, names in value.items():
@@ -68,7 +80,7 @@ def shown_name(name: str) -> str:
 
 
 def real_name(shown: str) -> str:
-    """Return the original name of a file from `shown_name`."""
+    """Return the original name of a file from the result of `shown_name`."""
     return _ESCAPE.sub(lambda found: _unescaped(found[0]), shown)
 
 
@@ -76,7 +88,7 @@ def _escaped(letter: str) -> str:
     code = ord(letter)
     if letter == "\\":
         return "\\\\"
-    if 0xDC80 <= code <= 0xDCFF:  # Python's escape of an invalid byte
+    if 0xDC80 <= code <= 0xDCFF:  # Python's substitute for a byte of a file name that is not UTF-8
         return f"\\x{code - 0xDC00:02x}"
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 

@@ -1,4 +1,5 @@
-"""Search of a laboratory's folder for files and folders that are runs, without reading them."""
+"""Search a laboratory's folder for runs (recordings, fits, experiments, parameter sets) without reading
+them."""
 
 from __future__ import annotations
 
@@ -11,16 +12,17 @@ from typing import NamedTuple
 from ..rig.samples import SAMPLES, recover
 from .describing import NOTES, RECORDINGS
 
-SETS = "parameters"  # folder of parameter sets that were saved from fits
-LOGS = ("experiment.log", "experiment.yaml")  # in the folder of an experiment, with or without recordings
-MOST_LEVELS = 40  # largest depth of nested folders; usual laboratories have up to 6
+SETS = "parameters"  # name of the subfolder of parameter sets that were saved from fits
+LOGS = ("experiment.log", "experiment.yaml")  # files of which an experiment's folder has at least one
+MOST_LEVELS = 40  # largest depth of nested folders that is searched; usual laboratories have up to 6
 
 
 class FoundRun(NamedTuple):
-    """A run, or a file or folder with the name of one.
+    """A run that was found by the names of its files; it may turn out to be unreadable.
 
-    Fields: path, kind ("recording", "fit", "parameters", "run", "folder"), time of change [s], size [bytes],
-    and the reason why it cannot be read, or "". A "run" is the folder of an experiment that has no recording.
+    Fields: path, kind, time of change [s since 1970], size [bytes], and the reason why it must not be read,
+    or "". The kind is "recording", "fit", "parameters" (a parameter set), "run" (an experiment's folder
+    without a recording) or "folder" (a folder that cannot be searched).
     """
 
     path: str
@@ -31,9 +33,9 @@ class FoundRun(NamedTuple):
 
 
 def entries(root: str) -> Iterator[FoundRun]:
-    """Yield the runs of a folder and its subfolders, except hidden ones and those in a study's store.
+    """Yield the runs in a folder and its subfolders, except hidden ones and those inside a study's store.
 
-    Samples that a killed program has left are first converted to a recording.
+    Samples that a killed program has left in a folder are first converted to a recording.
     """
     waiting = [(root, 0)]
     while waiting:
@@ -56,7 +58,7 @@ def entries(root: str) -> Iterator[FoundRun]:
         for one in there:
             if kind := _kind(root, folder, one):
                 yield from _looked_at(root, one.path, kind)
-        if folder != root and "zarr.json" in names:  # a study's store, whose chunks are not recordings
+        if folder != root and "zarr.json" in names:  # a study's store, which has many files and no recordings
             continue
         below = [one.path for one in there if not one.name.startswith(".") and _is_folder(one)]
         if below and level == MOST_LEVELS:
@@ -67,7 +69,7 @@ def entries(root: str) -> Iterator[FoundRun]:
 
 
 def is_run(root: str, path: str) -> bool:
-    """Return True if a file or a folder is a run, as `entries` yields it."""
+    """Return True if a file or folder is a run, by the rules of `entries`."""
     folder = os.path.dirname(path)
     try:
         with os.scandir(folder) as found:
@@ -99,7 +101,15 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
 
 
 def _fit(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
-    """Yield the folder, if it is that of a fit: its time of change is the last of all files read."""
+    """Yield a folder if it is that of a fit, which has results and a report.
+
+    Its time of change is the latest, and its size the sum, of the files that the index reads.
+
+    Args:
+        root: folder of the laboratory.
+        folder: the folder to examine.
+        names: names of the files and folders in it.
+    """
     if folder == root or not {"results.json", "report.html"} <= names or "experiment.log" in names:
         return
     files = ["results.json", *(one for one in NOTES if one in names)]
@@ -111,7 +121,11 @@ def _fit(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
 
 
 def _without_recording(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
-    """Yield the folder of an experiment that has no recording, finished or not."""
+    """Yield a folder if it is that of an experiment that has ended, or has just started, without a recording.
+
+    Folders with samples that are being recorded or were left unfinished are not yielded. The arguments are
+    those of `_fit`.
+    """
     log = next((one for one in LOGS if one in names), None)
     if folder == root or log is None or "unfinished" in names:
         return
@@ -122,7 +136,10 @@ def _without_recording(root: str, folder: str, names: set[str]) -> Iterator[Foun
 
 
 def _looked_at(root: str, path: str, kind: str) -> Iterator[FoundRun]:
-    """Yield a file, with the reason if it must not be read; nothing if it is gone by now."""
+    """Yield a file as a run of a kind, with the reason if it must not be read; nothing if it was deleted.
+
+    A link out of the folder `root`, and a pipe or device, must not be read.
+    """
     try:
         one = os.lstat(path)
     except OSError:

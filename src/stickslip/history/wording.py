@@ -1,4 +1,4 @@
-"""Differences between runs in the words of a page: names that are read, and the units of the numbers."""
+"""Word the differences between runs for a page: readable names instead of keys, and units of the numbers."""
 
 from __future__ import annotations
 
@@ -22,15 +22,20 @@ _UNITS = {"seconds": "s"} | {
 
 
 def worded(found: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the differences found in rows of the index, in words.
+    """Return differences between rows of the index in words.
+
+    Args:
+        found: values by name, one per row, from `comparing.differences`.
+        rows: the compared rows of the index.
 
     Returns:
-        for each difference: its name in words, the values, one per row, and their units (SI; "" without one).
+        For each difference: `what` (its name in words), `values` (one per row) and `units` (one per row; SI,
+        or "" without a unit).
     """
     flat = flat_rows(rows)
     shown = []
     for name, values in found.items():
-        if name.endswith(".unit"):  # the unit follows its number
+        if name.endswith(".unit"):  # a unit is shown with its number, not as a difference of its own
             continue
         texts = [_plain(value) if name == "channels" else value for value in values]
         shown.append({"what": _words(name), "values": texts, "units": [_unit(name, one) for one in flat]})
@@ -42,7 +47,8 @@ def _words(name: str) -> str:
 
 
 def _plain(text: Any) -> Any:
-    """Without the underscores of a name; those before a number belong to a symbol, as in sigma_0."""
+    """Replace underscores in a text by spaces, except those before a number, which belong to a symbol
+    (sigma_0); return other values unchanged."""
     return re.sub(r"_(?=[a-z])", " ", text) if isinstance(text, str) else text
 
 

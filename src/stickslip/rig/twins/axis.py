@@ -129,7 +129,7 @@ def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
 def steps(
     stage: Stage, count: int | None, amplitude: float, frequency: float, base: float = 0.0
 ) -> Iterator[Piece]:
-    """Yield sawtooth steps of drive between `base` and `base + amplitude`, V, in pieces of one step or 0.02 s.
+    """Yield sawtooth steps of drive from `base` to `base + amplitude`, V, in pieces of one step or 0.02 s.
 
     Args:
         stage: stage that plays the steps; a ramp from its present voltage to `base` comes first.
