@@ -1,4 +1,4 @@
-"""Commands on models and recordings: simulate, identify, demo, cite."""
+"""Commands on models and recordings: simulate, run, identify, campaign, verify, design, demo, cite."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ def campaign(
         from ..jobs.campaign import run_campaign
         from ..report import find_browser
 
-        browser = find_browser() if pdf else ""  # check before the work, not after it
+        browser = find_browser() if pdf else ""  # a missing browser is an error before the work
         with progress_bar() as progress, arming(arm):
             document = run_campaign(file, out, progress, figures=figures, changes=changes)
         write(document, out, begun, browser)
@@ -277,7 +277,7 @@ def verify(
         from ..jobs.analysis.verification import verification_analysis
 
         analysis, folder = verification_analysis(fit, recordings or [], require, column, unit, changes)
-        if recordings and analysis.notes:  # guessed columns and units
+        if recordings and analysis.notes:  # columns and units that were guessed from the file
             typer.echo(analysis.notes, err=True)
         with progress_bar() as progress:
             document = run_analysis(analysis, folder, progress)

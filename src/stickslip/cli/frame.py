@@ -284,7 +284,7 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
     command = shlex.join(["stickslip", *sys.argv[1:]])
     try:
         report = write_report(document, out, command=command, elapsed=time.perf_counter() - begun)
-    except OSError as error:  # the error of a full disk does not name the file
+    except OSError as error:  # on a full disk the error names no file
         raise OSError(error.errno, error.strerror, error.filename or f"--out {out}") from error
     for sentence in re.split(r"(?<=\.) (?=[A-Z])", document.summary):
         typer.echo(sentence)

@@ -1,4 +1,4 @@
-"""Commands of the laboratory: record, instrument, calibrate, schema."""
+"""Commands of the laboratory: record, rigs, twin, schema, calibrate."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def _taken(model: Actuator, volts: float) -> float:
 
 
 class OutputLimits(fields_of(OutputStage, *_LIMITS)):
-    """Limits of generator and amplifier, see `OutputStage`."""
+    """Limits of signal generator and amplifier, such as slew rate and current: fields of `OutputStage`."""
 
 
 class DriveSearch(MapRequest):

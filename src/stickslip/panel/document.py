@@ -80,7 +80,10 @@ class BenchDocument:
         return Checked(content, file, found, channel_units(can, found[0].channels, limits), can, limits)
 
     def _planned(self, content: dict[str, Any]) -> tuple[ExperimentFile, PlanningLaboratory]:
-        """Return the parsed file and its laboratory; raises ValueError for files outside the folder."""
+        """Return the parsed file, and a laboratory that knows its rig without opening it.
+
+        Raises ValueError for a wrong content, or a file outside the folder.
+        """
         file = check_experiment(content)
         for name in _files(file):
             self._folder.path(name)
@@ -177,7 +180,7 @@ class BenchDocument:
         return {**self.checked.content, "runs": runs}
 
     def described(self) -> dict[str, Any]:
-        """Return everything that a page needs about the experiment."""
+        """Return what pages show of the experiment, in JSON types: content, rig, channels, variables."""
         content, file, _, units, can, limits = self.checked
         virtual = isinstance(file.rig, VirtualRigSpec)
         back_end = None if virtual else registry.rigs.find(file.rig.kind, self._folder.root)

@@ -65,7 +65,7 @@ class Model(Strict):
         base = sets.actuator(self.set)
         changes: dict[str, Any] = dict(self.model)
         if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
-            changes["blocked_force_per_volt"] = None  # of a static stage only; does not affect the motion
+            changes["blocked_force_per_volt"] = None  # only for a stage without dynamics
         own = piezo_sliders.values(base.piezo)
         own |= {field: changes.pop(field) for field in own if field in changes}
         piezo = piezo_sliders.with_values(base.piezo, **own)
@@ -79,7 +79,7 @@ class Model(Strict):
         for name, given in self.friction.items():
             element = re.fullmatch(r"(stiffness|strength)_(\d{1,3})", name)
             field, value = element[1] if element else name, given
-            if field in known:  # a law does not know whether its actuator is rotary
+            if field in known:  # here, as the law alone would expect linear units
                 quantity = known[field].along(ANGLE if rotary else LENGTH)
                 value = quantity.check(given, f"{self.law}.{name}")
             if element:

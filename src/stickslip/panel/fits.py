@@ -60,7 +60,7 @@ class Fitting:
             self._out = f"{REPORTS}/{datetime.now():%Y-%m-%d_%H-%M-%S}"
             self.state = {"phase": RUNNING, "doing": "reading", "request": request.model_dump()}
             self.frames = {}
-            self._tell()  # the state is sent before the curves
+            self._tell()  # before the process can send curves
             self._connection.send(FitTask(request, self._out))
 
     def cancel(self) -> None:
@@ -145,7 +145,7 @@ class Fitting:
             state |= {"phase": "failed", "error": self._folder.told(fields["error"])}
         elif kind == "done":
             state |= {"phase": "done"}
-        else:  # hysteresis, stage, recordings, fitted, verified, report
+        else:  # kinds hysteresis, stage, recordings, fitted, verified, report
             doing = {"fitted": "verifying", "verified": "writing the report"}.get(kind, state["doing"])
             state |= {**fields, "doing": doing}
         self.state = state

@@ -148,7 +148,7 @@ class Interlocks:
                 self.look()
 
     def _site(self, place: Path) -> list[str]:
-        """Return the limits of the site in words, or why they cannot be read."""
+        """Return the limits of the site in words, or why they cannot be read; [] for a virtual rig."""
         try:
             return [] if self.simulated else site_of(place.name).told()
         except RigError as error:

@@ -108,7 +108,7 @@ class Live:
             for i, row in enumerate(rows):
                 self._values[i, self._filled : end] = row[: end - self._filled]
             self._filled = end
-            if not self._hub.behind:  # else they are sent with the next ones
+            if not self._hub.behind:  # otherwise they are sent with the next samples
                 self._send()
 
     def recorded(self, last: Mapping[str, float]) -> None:

@@ -56,7 +56,10 @@ class Save(Strict):
 
 
 class PathDrive(Strict):
-    """A periodic drive; a prediction stores it in this form."""
+    """A periodic drive with its number of periods; the file of a prediction has it in this form.
+
+    Values are in SI (V, Hz) or texts with units.
+    """
 
     shape: str = Field(pattern="^(Sawtooth|ReverseSawtooth|Triangle|Cycloid|Sine)$")
     amplitude: float | str

@@ -210,7 +210,7 @@ class Runner:
             return self._control
 
     def find_position(self) -> None:
-        """Take the position of the end-effector from the rig's process."""
+        """Ask the rig's process for the end-effector's position and show it; nothing during a run."""
         if not self.busy:
             position = self.reach().ask("state")[0]["position"]
             if position is not None:
@@ -301,7 +301,7 @@ class Runner:
         self._live.recorded({str(name): float(one[-1]) for name, one in recording.data_vars.items()})
 
     def laboratory(self, job: BenchJob) -> Laboratory:
-        """Open the laboratory of a job."""
+        """Open the laboratory of a job: its rig, and what the rig needs."""
         return open_laboratory(job.file, job.folder, self._rigs, "the panel")
 
     def need_going(self) -> None:

@@ -73,8 +73,8 @@ class Sequencer:
         self._hub, self._document, self._runner, self._starter = hub, document, runner, starter
         self._lock = threading.Lock()
         self._telling = threading.Lock()  # lock of `state`, which the sequence's thread and requests change
-        self._ending = threading.Event()  # set: end now
-        self._last = threading.Event()  # set: no further run, and no more rest
+        self._ending = threading.Event()  # set: the sequence and its run end at once
+        self._last = threading.Event()  # set: no further run starts, and the rest between runs ends
         self._thread: threading.Thread | None = None
         self.state: dict[str, Any] = {
             "phase": "idle",

@@ -19,7 +19,7 @@ class Shared:
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self._begun = 0  # number of computations started so far, for all questions
-        # by question: the number of the computation, and its answer
+        # Number of the computation and its answer, by question; the answer used last is the last entry.
         self._answers: dict[Hashable, tuple[int, Any]] = {}
 
     def __call__(self, question: Hashable, make: Callable[[], Any]) -> Any:

@@ -219,7 +219,7 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
         name: {f: _middle(slider) for f, slider in ranges[name].items()} | shape._field_defaults | _BEGIN
         for name, shape in drives.items()
     }
-    for swinging in ("Sine", "Chirp"):  # around the middle of a stack's voltage range
+    for swinging in ("Sine", "Chirp"):  # an offset in the middle of a piezo stack's voltage range
         start[swinging] |= {"offset": 75.0}
     return {
         "sets": sets,
@@ -347,7 +347,10 @@ def _described(record: Any, field: str, slider: Slider, rotary: bool = False) ->
 
 
 def shown(field: str, quantity: Quantity, slider: Slider, rotary: bool = False) -> dict[str, Any]:
-    """Return a field in the form that pages read; quantity and slider are given for a linear actuator."""
+    """Return name, unit, symbol, meaning and slider range of a field, in the form that pages read.
+
+    `quantity` and `slider` are those of a linear actuator; for `rotary` they are converted.
+    """
     ends = {name: sized(getattr(slider, name), quantity.unit, rotary) for name in ("low", "high")}
     return {
         "name": field,

@@ -110,7 +110,10 @@ class Starter:
         self._runner.start(homing(self._folder, self._document, self._runner.position))
 
     def note(self, text: str) -> str:
-        """Keep a line with the current or last run; return the run's folder, "" without a run."""
+        """Add a user's note to the recordings of the current or last run, with the time.
+
+        During a run it is kept until the run's end. Returns the name of the run's folder, "" without a run.
+        """
         text = " ".join(text.split())[:_LONGEST_NOTE]
         if not text:
             raise QuantityError("a note has words")

@@ -87,8 +87,8 @@ def fit_summary(fit: Fit, fitted: int, failures: Sequence[str], verified: str = 
     Args:
         fit: the fit.
         fitted: number of fitted recordings.
-        failures: sentences on unmet requirements. Those on systematic errors and the fit's remarks are
-            appended.
+        failures: sentences on reasons not to trust the fit. Those on systematic errors and the fit's remarks
+            are appended.
         verified: a sentence on recordings that were not fitted, with a leading space; "" for none.
     """
     sentences = (*failures, *(one.sentence for one in fit.systematics), *fit.remarks)
@@ -198,5 +198,8 @@ def disturbance_numbers(one: Disturbance) -> dict[str, Any]:
 
 
 def lack_numbers(lacks: Sequence[Lack]) -> dict[str, Any]:
-    """Return the lack-of-fit test of each recording, by its name, for results.json."""
+    """Return the lack-of-fit test of each recording, by its name, for results.json.
+
+    "seen" is True if the residuals show that the model is wrong; "residual_over_noise" is their ratio of rms.
+    """
     return {one.name: {"seen": one.seen, "residual_over_noise": Number(one.ratio, "")} for one in lacks}

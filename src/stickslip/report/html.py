@@ -57,8 +57,10 @@ def _joined(value: Any) -> Any:
 
 
 def significant(value: float, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits, and all digits before the point: "0.9979",
-    "12345"."""
+    """Return a number with `digits` significant digits, and all digits before the point: "0.9979", "12345".
+
+    Very large and small numbers are written with a power of ten, NaN as a dash, infinity as ∞.
+    """
     if not math.isfinite(value):
         return _EMPTY if math.isnan(value) else f"{'−' if value < 0 else ''}∞"
     if isinstance(value, Integral):

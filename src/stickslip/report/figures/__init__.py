@@ -1,5 +1,6 @@
-"""Figures from data: functions that take recordings and fits and return a matplotlib Figure.
+"""Figures from data: functions that take recordings and fits and return a matplotlib Figure, or its axes.
 
-Only this sub-package imports matplotlib. Figures use its object interface (no pyplot, no global state) and
-the style in `style`; only `plot` makes figures for interactive use.
+Only this sub-package imports matplotlib. All figures have the style in `style`. Functions that return a
+figure use no pyplot and no global state; those that return axes make the figure with pyplot, for interactive
+use.
 """

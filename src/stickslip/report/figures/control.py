@@ -72,7 +72,7 @@ def approach(recording: xr.Dataset, target: float, begin: float, windows: Sequen
 
 @drawn
 def step_sizes(law: StepLaw) -> Figure:
-    """Draw step sizes over voltage in both directions, with 95 % intervals."""
+    """Draw the step sizes of a motor over the drive's amplitude in both directions, with 95 % intervals."""
     figure, (axes,) = panels([3.0])
     metres = scale_for("m", np.array([*law.forward, *law.backward]))
     for name, sizes, errors, color in (

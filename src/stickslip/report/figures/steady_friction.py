@@ -14,7 +14,7 @@ from .style import BLUE, MEASURED, drawn, legend_above, panels, trace
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_DRAWN = 400  # points of the curve
+_DRAWN = 400  # number of points of the law's curve
 
 
 @drawn
@@ -23,7 +23,7 @@ def steady_friction(velocity: ArrayLike, force: ArrayLike, law: Stribeck) -> Fig
     residuals below.
 
     Args:
-        velocity: m/s, not 0, shape (n,).
+        velocity: m/s, shape (n,); points at 0 are left out.
         force: N, shape (n,), without the offset of the sensor.
         law: the fitted law.
     """

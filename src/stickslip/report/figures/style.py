@@ -181,7 +181,7 @@ def svg(figure: Figure) -> str:
         if len(text.get_text()) > LONGEST_TEXT:
             text.set_text(f"{text.get_text()[:LONGEST_TEXT]} ...")
     with context(_STYLE, after_reset=True):
-        # Not `savefig`, which draws twice: the first time only for a layout.
+        # `print_svg` instead of `savefig`, which draws twice: the first time only for the layout.
         FigureCanvasSVG(figure).print_svg(target, metadata={"Date": None, "Creator": None})
     if "matplotlib.pyplot" in sys.modules:  # otherwise a notebook would also show it below its cell
         sys.modules["matplotlib.pyplot"].close(figure)

@@ -1,8 +1,7 @@
-"""Figures of [kang2007], drawn from the package's laws and simulations; each states values that the thesis
-does not print.
+"""Figures of the thesis [kang2007], drawn from the package's laws and simulations.
 
-Figures 2.1, 2.4, 3.1-3.4 and 3.7 are those of the thesis; walk, return and loops show what it describes in
-words.
+Figures 2.1, 2.4, 3.1-3.4 and 3.7 are those of the thesis. `walk`, `there_and_back` and `friction_loops` show
+what it describes in words. Comments give values that the thesis does not print.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ if TYPE_CHECKING:
 # "parabolic": x = a t^2/2 with this a reproduces every statement of its text. Only sigma^2 a matters, so
 # another unit of sigma_1 and sigma_2 is equivalent to another a.
 DEMONSTRATION = LuGre("600 N/um", "100 N s/um", "25 N s/um", 10.0, 10.0)  # type: ignore[arg-type]
-PARABOLA = 30e-6  # m/s^2
-_REACH = 0.2e-6  # m, twelve presliding distances
+PARABOLA = 30e-6  # m/s^2, the acceleration a
+_REACH = 0.2e-6  # m, final displacement of the demonstration: twelve presliding distances F_C / sigma_0
 
 
 def demonstration(samples: int = 4001) -> dict[str, xr.Dataset]:

@@ -1,4 +1,4 @@
-"""View of an actuator from a data sheet."""
+"""View of an actuator model from a data sheet: the sheet's numbers, and the parameters' intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""View of a step map."""
+"""View of a map of the net step over voltage, frequency, load and other quantities."""
 
 from __future__ import annotations
 
