@@ -1,5 +1,5 @@
-"""Signal chain between a plant and the samples of its position: one record for fits, predictions and
-files."""
+"""Record of the signal chain (amplifier's slew rate, delay, scale and offset of the position channel) for
+fits, predictions and files."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from ..quantities.records import Quantity, record
 class Chain(NamedTuple):
     """Signal chain from the requested drive to the piezo, and from the end-effector to the position channel.
 
-    The amplifier follows jumps at its slew rate. The channel shows the motion delayed by `delay`, multiplied
-    by `scale` and shifted by `offset`. A fit has these free; a prediction uses the estimates; the virtual rig
-    (`Bench.with_chain`) and exported C apply them. `zeroed`: the mean position before the drive starts is
-    subtracted, and the offset is what remains.
+    The amplifier follows jumps at its slew rate. The channel contains the position delayed by `delay`,
+    multiplied by `scale`, plus `offset`. A fit can have delay and offset free; a prediction uses the
+    estimates; the virtual rig (`Bench.with_chain`) and exported C apply them. If `zeroed` is True, the mean
+    position before the drive starts is subtracted from the channel, and `offset` is the remaining offset.
     """
 
     delay: Annotated[float, Quantity("s", "t_d", "of the channel behind the drive")] = 0.0
@@ -31,15 +31,16 @@ class Chain(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the channel."""
+        """Return the unit of the position channel, "m"."""
         return "m"
 
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator | None = None
     ) -> NDArray[np.float64]:
-        """Return the channel [n], m, for a position [n], m, sampled at `sample_rate` Hz.
+        """Return the samples of the channel, m, shape (n,), for a position [n], m, sampled at `sample_rate`
+        Hz.
 
-        A bench can mount the chain as a sensor without noise.
+        With this method a simulated rig can use the chain as a sensor without noise; `random` is not used.
         """
         del random
         return self.scale * delayed(position, sample_rate, self.delay) + self.offset

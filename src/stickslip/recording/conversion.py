@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from ..quantities.units import LONGEST_UNIT, QuantityError, to_si
 
-# Angular units with any prefix.
+# Pattern of angular units with any prefix.
 _ANGLE = re.compile(r"\w*?(rad(ian)?s?|deg(ree)?s?|arcsec(ond)?s?|arcmin(ute)?s?|turns?|revolutions?)")
-# Allowed values of a recording's ``units`` attribute; the last one is a plain number.
+# SI_UNITS are the allowed values of a recording's ``units`` attribute; the last one is for plain numbers.
 _MECHANICAL = "s,m,kg,N,m/s,m/s^2,rad/s,rad/s^2,N/m,N s/m,N m,J,Pa,W,m^2,m^3,1/m"
 _ELECTRICAL = "V,A,C,F,ohm,H,T,V/s,A/s,m/V,N/V"
 SI_UNITS = (*_MECHANICAL.split(","), *_ELECTRICAL.split(","), "K", "Hz", "rad", "")
@@ -21,12 +21,13 @@ _SPELLINGS = {"Nm": "N m", "Nmm": "N mm", "mNm": "mN m", "-": "", "1": "", "°":
 _SPELLINGS |= {"Ohm": "ohm", "kOhm": "kohm", "MOhm": "Mohm", "mil": "thou", "mils": "thou"}
 
 
-# A number, and a unit that does not start with a digit.
+# Pattern of a number followed by a unit that does not start with a digit, such as "20 V".
 _SCALED = re.compile(r"(?P<number>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)\s*\*?\s*(?P<unit>[^\d\s.].*)")
 
 
 class Conversion(NamedTuple):
-    """Conversion of a unit to SI: ``SI value = factor * value + offset``; the offset is for temperatures."""
+    """Conversion to SI: ``SI value = factor * value + offset``. `unit` is the SI unit; the offset is 0 except
+    for temperatures."""
 
     unit: str
     factor: float
@@ -85,8 +86,8 @@ def is_number(text: str) -> bool:
 
 
 def _targets(unit: str) -> tuple[str, ...]:
-    """Return the SI units to try: dimensions do not distinguish hertz from 1/s, or radians from plain
-    numbers."""
+    """Return the SI units to which `unit` may be converted, in the order to try, chosen by its spelling:
+    dimensions alone do not distinguish Hz from 1/s, J from N m, or rad from plain numbers."""
     if "hz" in unit.lower():
         return ("Hz",)
     if unit.endswith("J"):  # joule has the same dimension as a torque
@@ -97,7 +98,7 @@ def _targets(unit: str) -> tuple[str, ...]:
 
 
 def is_unit(text: str, convert: Callable[[str], Conversion] = to_si_unit) -> bool:
-    """Return True if `convert` knows the unit."""
+    """Return True if the text is a unit that `convert` accepts (without QuantityError)."""
     try:
         convert(text)
     except QuantityError:

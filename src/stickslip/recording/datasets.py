@@ -1,7 +1,7 @@
-"""Published measured data of others: where they are, and how to get them.
+"""Download of published data sets, measured by other groups, for examples and tests.
 
 The data are not part of this package. They are taken from a local folder if there is one, otherwise from
-their makers' own repositories, at a fixed commit and checked by SHA-256.
+their authors' repositories, at a fixed commit and checked by SHA-256.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ _BESIDE_CHECKOUT = Path(__file__).resolve().parents[3].parent / "shared" / "data
 
 
 class Dataset(NamedTuple):
-    """Files of one published data set."""
+    """One published data set: address of the repository's files (`url`), licence, credit, and SHA-256 of each
+    file by path."""
 
     url: str
     licence: str
@@ -35,9 +36,9 @@ DATASETS = {name: Dataset(**entry) for name, entry in tomllib.loads(_FILE.read_t
 def dataset_path(name: str, file: str) -> Path:
     """Return the path of a file of a published data set, after downloading it if necessary.
 
-    It is searched in the folder that the environment variable STICKSLIP_DATASETS names, in
+    The file is looked for in the folder that the environment variable STICKSLIP_DATASETS names, in
     ``../shared/datasets`` beside a checkout of this project, then in the user's cache, which is filled from
-    the makers' repository (by pooch: the extra "data").
+    the authors' repository (by pooch: the extra "data").
 
     Args:
         name: a key of `DATASETS`.
@@ -68,7 +69,8 @@ def dataset_path(name: str, file: str) -> Path:
 
 
 def fetch(url: str, sha256: str, name: str) -> Path:
-    """Return the path of the file at `url` in the user's cache, downloaded the first time.
+    """Return the path, in the user's cache, of the file at `url`, which is downloaded the first time; `name`
+    is the data set's folder in the cache, `sha256` the file's checksum.
 
     Raises:
         RecordingError: pooch is not installed, the address cannot be reached, or the checksum differs.
@@ -85,7 +87,8 @@ def fetch(url: str, sha256: str, name: str) -> Path:
 
 
 def _first(error: BaseException, outer: BaseException | None) -> str:
-    """Return the innermost cause that libraries have wrapped, such as "Name or service not known"."""
+    """Return the message of the first exception in a chain, such as "Name or service not known", without
+    exceptions that were active before (`outer`)."""
     while error.__context__ is not None and error.__context__ is not outer:
         error = error.__context__
     return str(error)

@@ -1,7 +1,8 @@
-"""The waveform of a recording as data: the attribute "drive" is JSON, also for other programs.
+"""Storage of a recording's drive waveform in its attribute "drive", as JSON that other programs can read too.
 
-``{"waveform": "Sawtooth", "amplitude": 65.0, "frequency": 5.0, "periods": 8}``: the registered name and the
-fields that differ from their defaults, SI; for a sequence its parts, for a user's own waveform its origin.
+An example is ``{"waveform": "Sawtooth", "amplitude": 65.0, "frequency": 5.0, "periods": 8}``: the registered
+name, and the fields that differ from their defaults, in SI. A sequence has its parts, and a user's own
+waveform also the module or file that defines it.
 """
 
 from __future__ import annotations
@@ -26,14 +27,16 @@ if TYPE_CHECKING:
 
 
 def drive_text(waveform: Waveform) -> str:
-    """Return the JSON text of a waveform for the attribute "drive"."""
+    """Return the JSON text that describes a waveform, for the attribute "drive" of a recording."""
     return json.dumps(_data(waveform))
 
 
 def named_drive(recording: xr.Dataset) -> Waveform | None:
-    """Return the waveform named in a recording's attribute "drive", in time since its own start.
+    """Return the waveform in a recording's attribute "drive"; its time is 0 at the start of the waveform, not
+    of the recording.
 
-    It is None if the attribute is missing or invalid, or names an unknown waveform (see `registry.use_file`).
+    The result is None if the attribute is missing or invalid, or names an unknown waveform (see
+    `registry.use_file`).
     """
     content = json_attribute(recording.attrs, "drive")
     with suppress(QuantityError), damaged(QuantityError, "drive"):
@@ -61,13 +64,13 @@ def _fields(waveform: Any) -> dict[str, Any]:
         defaults = getattr(waveform, "_field_defaults", {})
         values = waveform._asdict() if hasattr(waveform, "_asdict") else vars(waveform)
         of = {name: (value, defaults.get(name, ...)) for name, value in values.items()}
-    # An array has no default to compare with.
+    # Arrays are always stored, because comparison with a default gives no single truth value.
     kept = {n: value for n, (value, usual) in of.items() if isinstance(value, np.ndarray) or value != usual}
     return {name: _data(value) for name, value in kept.items()}
 
 
 def _made(data: Any) -> Any:
-    # a part of a sequence, and its duration
+    # A list that starts with a dictionary is one part of a sequence: the waveform and its duration.
     if isinstance(data, list) and data and isinstance(data[0], dict):
         return tuple(map(_made, data))
     if not isinstance(data, dict):

@@ -1,6 +1,8 @@
-"""Recordings for other programs: MAT files in dSPACE's two layouts, CSV, NeXus. `EXPORTS` lists the formats.
+"""Export of recordings to other programs: MAT files in dSPACE's two layouts, CSV and NeXus, listed in
+`EXPORTS`.
 
-Our own format, NetCDF, and NeXus keep everything; the others keep the samples, the names and the units.
+NeXus, like the package's own format NetCDF, keeps all attributes; MAT and CSV keep only samples, names and
+units.
 """
 
 from __future__ import annotations
@@ -37,13 +39,13 @@ def save_matlab(
     """Write a recording to a ``.mat`` file (version 5) and return the path; the file is replaced as a whole.
 
     Args:
-        recording: over "time".
-        path: the file.
-        layout: "trace" is that of the thesis [kang2007, app. 8], ``trace_x`` the time in s and a row of
-            ``trace_y`` for each variable, in order, their names and units beside them in ``trace_names`` and
-            ``trace_units``; "controldesk" is the structure that ControlDesk writes, called as the file, with
-            ``.X.Data`` and ``.Y(k).Name``, ``.Y(k).Unit``, ``.Y(k).Data``.
-        units: variable -> unit in the file ("um"); SI if not named.
+        recording: dataset over "time".
+        path: path of the new file.
+        layout: "trace", the layout of [kang2007, app. 8]: ``trace_x`` is the time in s, ``trace_y`` has a row
+            for each variable, and ``trace_names`` and ``trace_units`` contain the names and units of the
+            rows. "controldesk", the structure that ControlDesk writes: named after the file, with ``.X.Data``
+            and ``.Y(k).Name``, ``.Y(k).Unit``, ``.Y(k).Data``.
+        units: unit in the file ("um") by variable; SI for the others.
 
     Raises:
         RecordingError: the recording breaks the schema, a unit does not fit, or the name does not end in
@@ -72,9 +74,10 @@ def save_matlab(
 def save_csv(
     recording: xr.Dataset, path: str | os.PathLike[str], units: Mapping[str, str] | None = None
 ) -> Path:
-    """Write a recording to a ``.csv`` file, "time [s],drive_voltage [V],...", and return the path.
+    """Write a recording to a ``.csv`` file with the header "time [s],drive_voltage [V],..." and return the
+    path.
 
-    Every digit is kept. `units` and errors are as for `save_matlab`.
+    All digits of the numbers are written. `units` and errors are as for `save_matlab`.
     """
     target = _target(path, ".csv")
     columns = _columns(recording, units)
@@ -98,7 +101,11 @@ def _target(path: str | os.PathLike[str], suffix: str) -> Path:
 def _columns(
     recording: xr.Dataset, units: Mapping[str, str] | None
 ) -> list[tuple[str, str, NDArray[np.float64]]]:
-    """Return name, unit and values of each variable, in the requested unit."""
+    """Return name, unit and values of each variable, converted to the unit in `units` or else in SI.
+
+    Raises:
+        RecordingError: the recording breaks the schema, or `units` has an unknown variable or unit.
+    """
     validate_recording(recording)
     units = dict(units or {})
     columns = []
@@ -142,14 +149,15 @@ def _matlab_identifier(text: str) -> str:
 
 
 class Export(NamedTuple):
-    """A format of files for other programs: what people call it, how its file names end, what writes it."""
+    """A file format for other programs: its title for users, the ending of file names, and the function that
+    writes a recording to a path and returns the path."""
 
     title: str
     ending: str
     write: Callable[[xr.Dataset, Path], Path]
 
 
-# By the name in experiment files (`save_as`) and on the panel. A line here is all that a format needs.
+# Export formats by the name that experiment files (`save_as`) and the panel use.
 EXPORTS = {
     "mat": Export("MAT", ".mat", save_matlab),
     "controldesk": Export(

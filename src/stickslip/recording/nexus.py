@@ -1,8 +1,8 @@
-"""Recordings as NeXus files: HDF5 in the classes of https://manual.nexusformat.org.
+"""Export of recordings as NeXus files: HDF5 with the classes of https://manual.nexusformat.org.
 
 The samples are in the group "/entry/data" (NXdata), over "time". Each position is also an NXpositioner, and
-each calibration that was applied an NXcalibration. The group "/entry/recording" (NXcollection, whose content
-NeXus leaves free) has the attributes of the recording, from which `open_recording` makes it again.
+each applied calibration an NXcalibration. The group "/entry/recording" (NXcollection, whose content NeXus
+does not prescribe) contains the attributes of the recording, from which `open_recording` restores it.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 NEXUS = ".nxs"
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-# Names that mean something else in an NXdata.
+# Pattern of field names to which NeXus gives another meaning in an NXdata group.
 _TAKEN = re.compile(r"(title|(.*_)?(errors|offset|scaling_factor)|.*_(weights|mask|set|indices))")
-_POINTS = 11  # of a calibration curve that is written as a table
+_POINTS = 11  # number of points of a calibration curve that is written as a table
 
 
 def save_nexus(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
@@ -41,7 +41,7 @@ def save_nexus(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     Raises:
         RecordingError: the recording breaks the schema, an attribute cannot be stored, a variable has a name
             that NeXus does not allow, or the name of the file does not end in ``.nxs``.
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     from ..gate.hdf5_writing import Group, hdf5_bytes, hdf5_version  # HDF5 only for those who write it
 
@@ -80,7 +80,8 @@ def _group(nx_class: str, members: dict[str, Any], **attributes: Any) -> Any:
 
 
 def _entry(recording: xr.Dataset) -> Any:
-    """Title, moments, program and notes in the fields that NeXus has for them, and the groups."""
+    """Return the NXentry group of a file: title, start and end time, program and notes in their NeXus fields,
+    and the groups of data, instrument, calibrations and attributes."""
     from ..gate.hdf5_writing import Field
 
     attrs, time = recording.attrs, recording["time"].values
@@ -151,14 +152,15 @@ def _instrument(recording: xr.Dataset) -> Any:
 
 
 def _calibrations(attrs: dict[Any, Any]) -> Any:
-    """Return the applied calibrations in order, each as polynomial and as table."""
+    """Return an NXcollection of the applied calibrations, each as polynomial and as table, numbered in the
+    order of application; None if there are none."""
     made = {}
     for name, applied in json_attribute(attrs, "calibration").items():
         for k, said in enumerate(applied if isinstance(applied, list) else [], 1):
             try:
                 made[f"{name}_{k}"] = _calibration(name, k, from_text(json.dumps(said)))
             except CalibrationError:
-                continue  # something of the user's own, which the attribute keeps
+                continue  # a user's own entry; it remains in the attribute "calibration"
     return _group("NXcollection", made) if made else None
 
 

@@ -1,4 +1,5 @@
-"""Files that are replaced as a whole or not at all, small JSON files, and the bin for deleted files."""
+"""Safe replacement of files (as a whole or not at all), reading of small JSON files, and a bin for deleted
+files."""
 
 from __future__ import annotations
 
@@ -14,9 +15,10 @@ BIN = ".bin"
 
 
 def part_of(target: Path) -> Path:
-    """Return the temporary path for a file that will replace the target.
+    """Return the temporary path for a file that will replace the target, in the same folder.
 
-    Each process has its own. `remove_leftovers` removes the files of killed processes.
+    Each process has its own path, which contains the process number. `remove_leftovers` removes the files of
+    killed processes.
     """
     return target.with_name(f".{target.name}.{os.getpid()}.part")
 
@@ -39,7 +41,7 @@ def replaced_whole(target: Path) -> Iterator[Path]:
     except OSError as error:
         if error.errno is None:
             raise
-        # The error of a full disk has no file name, and that of a missing folder the temporary one.
+        # For a full disk the original error has no file name, and for a missing folder the temporary name.
         raise OSError(error.errno, error.strerror, str(target)) from error
     finally:
         temporary.unlink(missing_ok=True)
@@ -48,7 +50,7 @@ def replaced_whole(target: Path) -> Iterator[Path]:
 
 
 def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
-    """Return the mapping in a small JSON file; None if the file does not exist.
+    """Return the dictionary in a JSON file of up to `most` bytes; None if the file does not exist.
 
     Raises:
         ValueError: the path is not a regular file, or the file is too large or not a JSON mapping.
@@ -58,7 +60,7 @@ def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
         return None
     if not path.is_file() or path.stat().st_size > most:  # opening a pipe may never return
         raise ValueError(f"no plain file of up to {most} bytes")
-    # The program's own state: read directly, because a server's file checker may be busy.
+    # The file is the program's own, so it is read directly; a server's process that checks files may be busy.
     found = load_json(read_file(path, most), str(path))
     if not isinstance(found, dict):
         raise ValueError("no JSON of names and values")
@@ -66,7 +68,8 @@ def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
 
 
 def to_bin(folder: Path, name: str) -> Path:
-    """Move a file or folder to the bin of its folder, under an unused name, and return its new path."""
+    """Move the file or folder `name` in `folder` to the folder's bin (``.bin``), under an unused name, and
+    return its new path."""
     called, number = Path(name), 1
     target = folder / BIN / name
     while os.path.lexists(target):
@@ -77,7 +80,8 @@ def to_bin(folder: Path, name: str) -> Path:
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove unfinished files of killed processes in a folder; return their number."""
+    """Remove temporary files (``.part``) of processes that no longer exist from a folder; return their
+    number."""
     gone = 0
     for path in folder.glob(".*.part"):
         process = path.name.split(".")[-2]
@@ -90,7 +94,7 @@ def remove_leftovers(folder: Path) -> int:
 def is_running(process: int) -> bool:
     """Return True if a process with that number, other than this one, exists."""
     if process in (0, os.getpid()):
-        return False  # an earlier process had the number of this one, which has not started to write
+        return False  # this process has not written yet: an earlier one had the same number
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):

@@ -1,4 +1,5 @@
-"""Schema of a recording: an ``xarray.Dataset`` over "time", the same for files, rigs and simulations.
+"""Schema of recordings and its checks: an ``xarray.Dataset`` over "time", the same for files, rigs and
+simulations.
 
 The schema and its reasons: docs/decisions/recording-schema.md.
 """
@@ -43,8 +44,8 @@ class Meaning(NamedTuple):
     long_name: str
 
 
-# Names that every part of the package knows; others are free. For rotary bodies, positions are angles and
-# forces are torques (`fits_name`).
+# Standard names of variables, which all parts of the package know; users may choose other names for other
+# variables. For rotary bodies, positions are angles and forces are torques (`fits_name`).
 STANDARD_NAMES = {
     "drive_voltage": Meaning("V", "drive voltage"),
     "stage_position": Meaning("m", "stage position"),
@@ -72,10 +73,13 @@ def fits_name(name: str, unit: str) -> bool:
 
 @functools.cache
 def meant_name(name: str) -> str:
-    """Return the known name of which a name is a misspelling. The result is "" for a known name, and for a
-    user's name that contains the words of one, such as ``end_effector_position_2`` or ``position_raw``."""
+    """Return the standard name (or "time") of which a name is probably a misspelling, otherwise "".
+
+    The result is also "" for a standard name itself, and for a user's name that contains all words of one,
+    such as ``end_effector_position_2`` or ``position_raw``.
+    """
     known = ["time", *STANDARD_NAMES]
-    cutoff = 0.9 if len(name) > 4 else 0.85  # "tme" is as close to "time" as short names can be
+    cutoff = 0.9 if len(name) > 4 else 0.85  # similarity; one wrong letter lowers it more in short names
     close = get_close_matches(name.lower(), known, n=1, cutoff=cutoff)
     words = set(re.split(r"[\W\d_]+", name))
     return "" if not close or words.issuperset(close[0].split("_")) else close[0]
@@ -93,7 +97,7 @@ def _warn_of_misspelling(name: str) -> None:
 
 
 class Sampling(NamedTuple):
-    """Sampling of a time axis; all in seconds."""
+    """Intervals of a time axis, in seconds: the median, the smallest and the largest."""
 
     interval: float  # median interval, s
     smallest_gap: float
@@ -101,7 +105,8 @@ class Sampling(NamedTuple):
 
     @property
     def regular(self) -> bool:
-        """Return True if every interval is within 1 % of the median (files print times with few digits)."""
+        """Return True if every interval is within 1 % of the median; this allows for times printed with few
+        digits."""
         close = 0.01 * self.interval
         return self.largest_gap - self.interval <= close and self.interval - self.smallest_gap <= close
 
@@ -188,22 +193,27 @@ class _Label(NamedTuple):
 
 
 def _over_time(array: np.ndarray, **attributes: str) -> xr.Variable:
-    """Return samples as a variable. For a bare array, xarray imports dask to see whether dask made it."""
+    """Return samples as an xarray variable over "time". This fast path avoids a check for which xarray
+    imports dask."""
     import xarray as xr
 
     return xr.Variable("time", array, attributes, fastpath=True)
 
 
 def _frame(seconds: bytes, labels: tuple[_Label, ...]) -> xr.Dataset:
-    """Return a recording without its samples: the time axis with its sampling, and the labels of the
-    variables."""
+    """Return a recording with zeros for its samples: the time axis with its sampling, and labelled variables.
+
+    Args:
+        seconds: bytes of the time axis, float64, s.
+        labels: name, unit and long name of each variable.
+    """
     import pandas as pd
     import xarray as xr
 
     time = np.frombuffer(seconds)
     empty = np.broadcast_to(0.0, time.shape)
     data = {one.name: _over_time(empty, units=one.unit, long_name=one.long_name) for one in labels}
-    # An explicit index: xarray would make one from an array, but imports pint for it.
+    # The index is made here, because xarray imports pint to make one from an array.
     axis = ("time", pd.Index(time, name="time"), {"units": "s", "long_name": "time"})
     frame = validate_recording(xr.Dataset(data, coords={"time": axis}))
     found = _sampling(time)
@@ -213,15 +223,16 @@ def _frame(seconds: bytes, labels: tuple[_Label, ...]) -> xr.Dataset:
     return frame
 
 
-# Most of xarray's time for a recording is spent on combining variables. Thousands of simulations have the
-# same sampling as the previous one: each gets a copy of the same frame. With many samples, other steps take
-# longer.
+# Cached `_frame`, because xarray takes most of the time for combining variables, and thousands of simulations
+# have the same time axis and labels. _OFTEN is the largest number of samples for which the cache is used:
+# with more, other steps take longer, and the cache would need memory.
 _kept_frame = functools.lru_cache(maxsize=8)(_frame)
 _OFTEN = 20_000
 
 
 def _with_unit(value: Any) -> tuple[Any, str | None]:
-    """Return an array and its own unit; None if it has none."""
+    """Return the values and the unit (None if unknown) of an array, an (array, unit) tuple, a DataArray or a
+    pint quantity."""
     import xarray as xr
 
     match value:
@@ -249,10 +260,11 @@ def _seconds(time: Any) -> np.ndarray:
 
 
 def _in_si(name: str, array: Any, unit: str | None) -> tuple[np.ndarray, str]:
-    """Return the array as float64 in SI, and its SI unit: that of the standard name if none is given."""
+    """Return the values as float64 in SI, and the SI unit. Without a given unit (None), values are taken to
+    be in the unit of the standard name, or plain numbers."""
     standard = STANDARD_NAMES.get(name)
     try:
-        # masked values are missing; NumPy would take the values below the mask
+        # Masked values become NaN (missing); `np.asarray` would ignore the mask.
         if np.ma.isMaskedArray(array):
             array = np.ma.filled(array.astype(np.float64), np.nan)
         values = np.asarray(array, dtype=np.float64)
@@ -272,7 +284,8 @@ def _in_si(name: str, array: Any, unit: str | None) -> tuple[np.ndarray, str]:
 
 
 def with_schema(attrs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the attributes of a data set, completed by those that the schema requires."""
+    """Return the attributes of a recording, with missing ones of the schema added: its version, the library,
+    the date, and empty texts."""
     own = {
         "schema_version": SCHEMA_VERSION,
         "library": f"stickslip {__version__}",
@@ -286,9 +299,10 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     """Return the recording itself if it follows the schema.
 
     Raises:
-        RecordingError: it is not a Dataset; "time" is missing or not the only coordinate, has fewer than two
-            samples, or is not strictly ascending; a variable is not float64 over "time", not finite, or lacks
-            units or long_name; the schema is newer than this library.
+        RecordingError: the recording is not a Dataset or has no variables; "time" is missing or not the only
+            coordinate, has fewer than two samples, or is not strictly ascending; a variable is not float64
+            over "time", not finite, or lacks units or long_name; the schema has another version than this
+            library's.
     """
     import xarray as xr
 
@@ -305,7 +319,7 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
         )
     if not recording.data_vars:
         raise RecordingError("the recording has no variables")
-    # Not recording[name], which makes a DataArray each time and costs more than all checks.
+    # `variables` is used, because recording[name] makes a DataArray, which takes longer than all checks.
     for name in ("time", *recording.data_vars):
         _check_variable(str(name), recording.variables[name])
     time = recording.variables["time"].values
@@ -321,11 +335,12 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
 
 
 def refuse_unit(name: str, unit: str, where: str = "") -> None:
-    """Raise RecordingError for a unit that is not SI, which recordings must have."""
+    """Raise RecordingError if the unit of a variable is known, but not an SI unit without prefix, as
+    recordings require; `where` follows the variable's name in the message."""
     try:
         conversion = to_si_unit(unit)
     except QuantityError:
-        return  # a user's own name is free
+        return  # a unit that the package does not know, which users may choose
     if (conversion.factor, conversion.offset) != (1.0, 0.0):
         raise RecordingError(
             f"{name}{where} is labelled {unit!r}, but recordings are in {conversion.unit or 'numbers'}: "
@@ -357,8 +372,8 @@ def storable_attributes(attrs: Mapping[Any, Any], of: str = "") -> dict[str, Any
     """Return the attributes in types that HDF5 can store; booleans become 0 or 1.
 
     Raises:
-        RecordingError: one is neither text nor a number, or holds characters that cannot be stored; the error
-            names it with `of` before the name.
+        RecordingError: an attribute is neither text nor a number, or contains characters that cannot be
+            stored; the message contains the attribute's name after the prefix `of`.
     """
     return {str(name): _storable(f"{of}{name}", value) for name, value in attrs.items()}
 

@@ -21,26 +21,28 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Drive = Step | Sawtooth | ReverseSawtooth | Triangle | Sine
 
-# The drive has moved if it differs from its first value by the first share of its range; it started where it
-# differed by more than its noise, or the second share.
+# Changes of the drive relative to its range: a larger change than MOVED from the first sample shows that the
+# drive has started. It started after the last sample within STILL, or the noise if larger, of its rest level.
 MOVED, STILL = 0.02, 1e-4
-SURELY = 6.0  # standard deviations of the noise that no sample reaches by chance
-# Largest distances, as shares of the drive's range: `_NEAR` for half of the samples, `_OFTEN` for 95 %; the
-# rest is near jumps.
+SURELY = 6.0  # deviation, in standard deviations of the noise, that no sample reaches by chance
+# Largest differences between a recognised waveform and the channel, relative to the range: `_NEAR` for the
+# median, `_OFTEN` for 95 % of the samples; the other samples may be near jumps.
 _NEAR, _OFTEN = 0.01, 0.05
-# People choose round numbers: the search for the roundest within the first share; the second is the allowed
-# increase of the residual, and the third the same in terms of chance (three standard errors).
+# Users choose round numbers, so frequency, amplitude and offset are rounded: by at most the relative change
+# _ROUND, and if the residual does not increase by more than the relative change _AS_GOOD or, with few
+# samples,
+# _CHANCE / number of samples (three standard errors).
 _ROUND, _AS_GOOD, _CHANCE = 0.003, 0.005, 4.5
-_EXPLAINED = 1.3  # ratio of the residual of the right waveform to the white noise of a channel
+_EXPLAINED = 1.3  # residual, in units of the channel's white noise, above which other frequencies are tried
 _STEPS = 8  # largest number of Gauss-Newton steps; two or three are usual
-_EXACT = 1e-6  # of the range: residuals that differ by less are equal
+_EXACT = 1e-6  # difference of residuals, relative to the range, below which they count as equal
 MOST_FITTED = 100_000  # largest number of samples for the fit of a waveform; a longer recording is thinned
 MOST_SAMPLES = 2000  # largest number of samples for the search of a start
 
 
 class RecognisedDrive(NamedTuple):
-    """A recognised waveform: its start [s] in the recording, the waveform in time since then, and the
-    residual of the channel away from its jumps, V rms."""
+    """A recognised waveform: its start `begin` [s] in the time of the recording, the waveform in time since
+    this start, and the rms residual of the channel away from jumps, V."""
 
     begin: float
     waveform: Drive
@@ -48,8 +50,8 @@ class RecognisedDrive(NamedTuple):
 
 
 def drive_begins(recording: xr.Dataset) -> float | None:
-    """Return the time [s] of the last sample before the drive of a recording changes; None without a drive,
-    or if it never changes."""
+    """Return the time [s] of the last sample at rest before the drive voltage starts to change; None without
+    a drive voltage, if it never changes, or if it changes from the first samples on."""
     if "drive_voltage" not in recording:
         return None
     drive = recording["drive_voltage"].values
@@ -60,7 +62,7 @@ def drive_begins(recording: xr.Dataset) -> float | None:
         return None
     rest = drive[: moved[0] // 2 + 1]
     early, late = np.array_split(rest, 2)
-    if abs(float(np.mean(late) - np.mean(early))) > far / 8.0:  # it moved from the start
+    if abs(float(np.mean(late) - np.mean(early))) > far / 8.0:  # the drive changes from the first sample on
         return None
     noise = max(SURELY * float(np.std(rest)), STILL * span)
     still = np.flatnonzero(np.abs(drive[: moved[0]] - np.mean(rest)) <= noise)
@@ -68,15 +70,16 @@ def drive_begins(recording: xr.Dataset) -> float | None:
 
 
 def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
-    """Return the start of a drive in a channel by least squares, first for whole samples, then between them.
+    """Find when a waveform starts in a drive channel: to a sample by least squares, then between samples by
+    the smallest mean absolute difference.
 
     Args:
-        since: times from 0 on, s.
-        u: the channel, V.
-        drive: the waveform.
+        since: sample times from 0 on, s, shape (n,).
+        u: samples of the channel, V, shape (n,).
+        drive: waveform in time since its start.
 
     Returns:
-        The start [s], and the mean difference [V].
+        The start of the waveform [s], and the mean absolute difference between waveform and channel [V].
     """
     table, interval = drive.drive(float(since[-1])), float(since[-1]) / (since.size - 1)
     even = np.linspace(0.0, float(since[-1]), since.size)
@@ -100,8 +103,8 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
 
 
 def shown_drive(recording: xr.Dataset) -> RecognisedDrive | None:
-    """Return the standard waveform that a recording's channel drive_voltage shows; None if it is not one of
-    these."""
+    """Return the step, sawtooth, triangle or sine that a recording's channel drive_voltage follows; None if
+    the channel follows none of these or is missing."""
     if "drive_voltage" not in recording or recording.sizes["time"] < 3:
         return None
     start = float(recording["time"].values[0])
@@ -126,13 +129,14 @@ def shown_drive(recording: xr.Dataset) -> RecognisedDrive | None:
     if not best.is_shown(since, volts):
         return None
     best = best.rounded(since, volts)
-    if since.size < whole[0].size:  # a step may start within a sample
+    if since.size < whole[0].size:  # the fit used only some samples, and a step may start between these
         best = best._replace(begin=best_begin(*whole, best.shape)[0])
     return best.shown(start)
 
 
 def flow(drive: Drive) -> str:
-    """Return the waveform in the notation of input files."""
+    """Return a waveform in the YAML notation of input files, "{shape: NAME, fields: {...}}", without fields
+    that are 0."""
     units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
     fields = {name: getattr(drive, name) for name in units if name in drive._fields}
     said = {name: f"{value:g}{units[name]}" for name, value in fields.items() if value}
@@ -140,13 +144,19 @@ def flow(drive: Drive) -> str:
 
 
 def off_jumps(shape: Array) -> NDArray[np.bool_]:
-    """Return a mask of the samples of a waveform [n] that are not next to its jumps."""
+    """Return a boolean mask [n] of the samples of a waveform [n] that are not next to its jumps: changes per
+    sample below 20 % of the range."""
     return np.abs(np.gradient(shape)) < 0.2 * np.ptp(shape)
 
 
 def _candidates(time: Array, moved: Array) -> list[Drive]:
-    """Return the usual waveforms (sawtooth and others) with the length, frequency and range of a channel:
-    times [s] and voltages [V]."""
+    """Return the waveforms to try, with the amplitude, frequency and number of periods of a channel: a step,
+    or sawtooths, triangle and sines; empty if the channel does not alternate.
+
+    Args:
+        time: sample times since the start of the drive, s.
+        moved: voltages minus the level at rest, V.
+    """
     low, high = float(moved.min()), float(moved.max())
     level = np.where(moved > low + 0.7 * (high - low), 1, np.where(moved < low + 0.3 * (high - low), 0, -1))
     known = np.flatnonzero(level >= 0)
@@ -182,8 +192,14 @@ class _Fitted(NamedTuple):
         return cls(shape, begin, np.inf).refined(since, volts)
 
     def refined(self, since: Array, volts: Array, fixed: tuple[str, ...] = ()) -> _Fitted:
-        """Return the waveform that fits the samples away from jumps by least squares (Gauss and Newton), with
-        some fields `fixed`."""
+        """Return the waveform whose parameters fit the samples away from jumps by least squares
+        (Gauss-Newton); parameters named in `fixed` keep their values.
+
+        Args:
+            since: times since the first sample, s.
+            volts: samples of the channel, V.
+            fixed: names such as "frequency".
+        """
         best = self.judged(since, volts)
         for _ in range(_STEPS):
             near, columns = best.slopes(since)
@@ -198,8 +214,8 @@ class _Fitted(NamedTuple):
         return best
 
     def slopes(self, since: Array) -> tuple[NDArray[np.bool_], dict[str, Array]]:
-        """Return a mask of the samples away from jumps, and the derivatives of the waveform by the fitted
-        fields."""
+        """Return a mask [n] of the samples away from jumps, and the derivatives [n] of the waveform by
+        amplitude, offset, start and frequency, by name."""
         own, after = self.at(since), np.maximum(since - self.begin, 0.0)
         slope = np.where(since >= self.begin, self.shape.slope(after), 0.0)
         columns = {
@@ -219,7 +235,7 @@ class _Fitted(NamedTuple):
         return self._replace(begin=begin, shape=self.shape._replace(**values))
 
     def at(self, since: Array) -> Array:
-        """Return the waveform at the samples, V."""
+        """Return the voltages of the waveform, V, at times since the first sample of the recording, s."""
         value = self.shape.value(np.maximum(since - self.begin, 0.0))
         return np.where(since >= self.begin, value, self.shape.offset)
 
@@ -228,13 +244,13 @@ class _Fitted(NamedTuple):
         return self._replace(residual=float(np.sqrt(np.mean(off**2))) if off.size else np.inf)
 
     def off(self, since: Array, volts: Array) -> Array:
-        """Return the difference between channel and waveform away from the jumps, V."""
+        """Return the absolute differences between channel and waveform, V, of the samples away from jumps."""
         own = self.at(since)
         return np.abs(volts - own)[off_jumps(own)]
 
     def is_shown(self, since: Array, volts: Array) -> bool:
-        """Return True if a channel (times since the start [s], voltages [V]) is this waveform beyond
-        doubt."""
+        """Return True if a channel (times since its first sample [s], voltages [V]) follows this waveform,
+        within its noise or about 1 % of its range."""
         span, off = float(np.ptp(volts)), self.off(since, volts)
         if off.size <= 0.8 * volts.size:
             return False
@@ -244,8 +260,8 @@ class _Fitted(NamedTuple):
         return bool(near and left < max(_NEAR * span, 2.0 * noise_level(volts)))
 
     def rounded(self, since: Array, volts: Array) -> _Fitted:
-        """Return the waveform with the roundest frequency, amplitude and offset that fits the samples (times
-        since its start [s], voltages [V]) as well."""
+        """Return the waveform with the roundest numbers for frequency, offset and amplitude that fits the
+        samples (times since the first one [s], voltages [V]) as well."""
         most = (1.0 + max(_AS_GOOD, _CHANCE / since.size)) * self.residual + _EXACT * float(np.ptp(volts))
         best, fixed = self, ()
         for name in ("frequency", "offset", "amplitude"):
@@ -274,8 +290,8 @@ def _residual(one: _Fitted) -> float:
 
 
 def _roundest(value: float, within: float, fits: Callable[[float], bool]) -> float:
-    """Return the roundest number within a distance of a value for which `fits` is True; the value itself if
-    there is no such number."""
+    """Return the roundest number (fewest digits) that differs from `value` by at most `within` and for which
+    the function `fits` returns True; `value` itself if there is none."""
     roundings = (0.0, *(float(f"{value:.{digits}g}") for digits in (1, 2, 3, 4, 5)))
     near = (one for one in roundings if abs(one - value) <= within)
     return next((one for one in near if fits(one)), value)

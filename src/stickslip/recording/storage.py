@@ -1,4 +1,4 @@
-"""Recordings as NetCDF files, written so that a killed write leaves the old file."""
+"""Saving of recordings as NetCDF files, so that an interrupted write leaves the old file; and opening."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     for name in stored.variables:
         stored[name].attrs = storable_attributes(recording[name].attrs, f"{name}.")
         stored[name].encoding = {"_FillValue": None}  # a recording has no missing values
-    # Through memory: on a full disk, HDF5 would crash the whole process when it closes the file.
+    # The file is made in memory first, because on a full disk HDF5 crashes the process when it closes a file.
     content = stored.to_netcdf(None, engine="h5netcdf")
     with replaced_whole(target) as temporary:
         temporary.write_bytes(content)
@@ -42,10 +42,11 @@ def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
 
 
 def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Return the recording of a ``.nc`` file, or of a NeXus file that `save_nexus` has written, in memory.
+    """Return the recording in a ``.nc`` file, or in a NeXus file that `save_nexus` wrote; all data are loaded
+    into memory.
 
     Raises:
-        RecordingError: the file is missing, damaged, no recording, or of a newer schema.
+        RecordingError: the file is missing, damaged, contains no recording, or has another schema version.
     """
     path = Path(path)
     if not path.is_file():
@@ -54,7 +55,7 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
         recording = _stored(path)
     except GateError as error:
         raise RecordingError(f"{error}") from error
-    # errors of xarray for inconsistent axes, and of the disk
+    # xarray raises ValueError or TypeError for inconsistent axes, and a disk raises OSError.
     except (ValueError, TypeError, OSError) as error:
         said = " ".join(str(error).split())
         raise RecordingError(f"{path}: not a readable NetCDF 4 file (damaged?): {said}") from error
@@ -67,8 +68,8 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def _stored(path: Path) -> xr.Dataset:
-    """Return the variables of the file unchanged, without xarray's reader, which takes several times as
-    long."""
+    """Return the content of a NetCDF or NeXus file as a Dataset, unchecked. It is not read by xarray, which
+    takes several times as long."""
     import xarray as xr
 
     from ..gate.hdf5 import has_attribute

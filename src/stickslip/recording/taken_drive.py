@@ -1,7 +1,7 @@
-"""Choice of the drive of a recording.
+"""Choice of the drive signal of a recording for simulations.
 
-It is the first available of: the waveform in the recording's attribute, the waveform that its channel
-drive_voltage shows, the samples of this channel.
+The drive is the first of these that agrees with the channel drive_voltage: the waveform in the recording's
+attribute "drive", a standard waveform recognised in the channel, the samples of the channel.
 """
 
 from __future__ import annotations
@@ -26,25 +26,26 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CHANNEL = "drive_voltage"
-# Largest rms difference from the channel away from jumps, relative to its range. A waveform that the
-# recording names was commanded, and monitors are calibrated to a percent or two; a recognised waveform has
-# the channel's scale.
+# Largest rms difference between a waveform and the channel away from jumps, relative to the channel's range.
+# A waveform in the recording's attribute (NAMED) was commanded, and voltage monitors are calibrated to 1 or
+# 2 %; a waveform recognised in the channel (RECOGNISED) has the channel's own scale.
 NAMED, RECOGNISED = 0.02, 0.005
-NOISY = 2.0  # multiple of the channel's white noise by which it may differ from the right waveform
+NOISY = 2.0  # rms difference, in units of the channel's white noise, that is always allowed
 
 Array = NDArray[np.float64]
 
 
 class TakenDrive(NamedTuple):
-    """The drive of a recording.
+    """The drive of a recording, and how well it agrees with the channel drive_voltage.
 
     Attributes:
-        waveform: starts at `begin` [s] in the recording; None if unknown.
-        named: True if the recording's attribute names it.
-        residual: rms difference from the channel away from the jumps, V.
+        waveform: waveform in time since its start; None: no waveform is known.
+        begin: start of the waveform in the time of the recording, s.
+        named: True: the waveform is in the recording's attribute "drive"; False: it was recognised.
+        residual: rms difference between waveform and channel away from jumps, V; NaN without a waveform.
         noise: rms white noise of the channel, V.
-        whole: True if the waveform explains the channel and is the drive; otherwise the samples are the
-            drive, and the waveform only gives the period.
+        whole: True: the waveform explains the channel and is the drive. False: the samples are the drive, and
+            the waveform only gives the period.
     """
 
     waveform: Waveform | None
@@ -55,7 +56,8 @@ class TakenDrive(NamedTuple):
     whole: bool
 
     def since(self, recording: xr.Dataset) -> Waveform | None:
-        """Return the waveform in time since the first sample of the recording."""
+        """Return the waveform in time since the first sample of the recording, with rest before its start;
+        None if unknown."""
         if self.waveform is None:
             return None
         time = recording["time"].values
@@ -78,23 +80,24 @@ class TakenDrive(NamedTuple):
 
     @property
     def how(self) -> str:
-        """Return the origin of the waveform and its residual, in words."""
+        """Return a phrase on the origin of the waveform (attribute or recognised) and its rms residual."""
         source = "named by the recording" if self.named else f"recognised in {CHANNEL}"
         return f"{source}; residual {with_prefix(self.residual, 'V', 2)} rms"
 
 
 def from_zero(recording: xr.Dataset) -> xr.Dataset:
-    """Return the recording in time since its first sample."""
+    """Return the recording with its time shifted so that the first sample is at 0 s."""
     time = recording["time"]
     return recording.assign_coords(time=("time", time.values - time.values[0], time.attrs))
 
 
 def taken_drive(recording: xr.Dataset, slew_rate: float | None = None) -> TakenDrive | None:
-    """Return the drive of a recording and its origin.
+    """Return the drive of a recording and its origin; None without a channel drive_voltage, or if this is
+    constant, not finite or shorter than three samples.
 
     Args:
-        recording: with the channel drive_voltage; without it the result is None.
-        slew_rate: V/s at which the amplifier follows jumps; by default at once.
+        recording: dataset with the channel drive_voltage [V].
+        slew_rate: rate at which the amplifier follows jumps, V/s; None: instantly.
     """
     if CHANNEL not in recording or recording.sizes["time"] < 3:
         return None
@@ -130,14 +133,23 @@ def said_waveform(waveform: Any) -> str:
 def _judged(
     waveform: Any, begin: float, named: bool, time: Array, u: Array, noise: float, slew_rate: float | None
 ) -> TakenDrive:
-    """Return the drive with the comparison between a waveform and the channel."""
+    """Compare a waveform with the channel and return it as a drive.
+
+    Args:
+        waveform: waveform in time since its start.
+        begin: start in the time of the recording, s.
+        named: True if the recording's attribute contains the waveform.
+        time, u: sample times [s] and voltages [V] of the channel.
+        noise: rms white noise of the channel, V.
+        slew_rate: rate at which the amplifier follows jumps, V/s; None: instantly.
+    """
     driven, span = waveform, float(np.ptp(u))
     if slew_rate is not None:
         driven = Slewed(waveform, slew_rate)
         begin = float(time[0]) + best_begin(time - time[0], u, driven)[0]
     own = evaluate(driven.drive(max(float(time[-1]) - begin, 1e-12)), time - begin)[0]
     near = off_jumps(own)
-    if slew_rate is not None:  # on a flank, a fraction of a sample corresponds to many volts
+    if slew_rate is not None:  # leave out flanks, where a time error below one sample changes many volts
         slow = np.abs(np.gradient(own, time)) < 0.5 * slew_rate
         near = near & slow if np.mean(slow) > 0.5 else near
     left = (u - own)[near]
