@@ -38,7 +38,8 @@ class Arrival:
     @property
     def doubt(self) -> float:
         """Return half the width of the interval of the position's deviation from the target, m: the root in
-        the module's equation. The position is at the target if |offset| + doubt is within the tolerance."""
+        the module's equation. The position is at the target if the magnitude of `offset` plus `doubt` is
+        within the tolerance."""
         return math.sqrt(self._mover.there.doubt2)
 
     @property

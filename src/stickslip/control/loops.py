@@ -249,8 +249,8 @@ class OpenLoop(NamedTuple):
         return self.regulator.response(frequencies) * self.loop.at(frequencies)
 
     def sensitivity(self, factor: float = 1.0) -> float:
-        """Return the maximum of the sensitivity function |1 / (1 + L)|, with the regulator's gain multiplied
-        by `factor`; infinite if the open loop L passes through -1."""
+        """Return the maximum magnitude of the sensitivity function 1 / (1 + L), with the regulator's gain
+        multiplied by `factor`; infinite if the open loop L passes through -1."""
         known, curve = self.frequencies, factor * self.curve
         away = np.abs(1.0 + curve)
         k, least = int(np.argmin(away)), min(float(away.min()), abs(1.0 + factor * self.real))
