@@ -52,7 +52,7 @@ class ComposedPlant:
         for m, mode in enumerate(plant.modes):
             self.struct.mode[m] = tuple(mode)
         self.laws: list[EngineLaw] = []
-        self._arrays: list[Any] = []  # the engine keeps pointers into them
+        self._arrays: list[Any] = []  # kept alive, because the engine has pointers into them
         for e, one in enumerate(plant.elements):
             self._fill(self.struct.element[e], one)
         if lib.stickslip_compose(self.struct) != lib.DONE:

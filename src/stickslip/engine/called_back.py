@@ -119,7 +119,7 @@ def _of_two(said: str, function: Callable[..., Any], records: _Records) -> Calla
             return
         try:
             force[0], dz[0] = function(records(p), *arguments)
-        except BaseException as error:  # KeyboardInterrupt too
+        except BaseException as error:  # also KeyboardInterrupt, which must stop the run
             force[0] = dz[0] = math.nan
             _failed(error, _called(said, arguments))
 

@@ -24,8 +24,9 @@ LONGEST = 60.0  # s, after which a compiler that hangs is stopped
 
 @functools.cache
 def compiler() -> tuple[str, ...] | None:
-    """Return the command of the machine's C compiler (the variable CC, else cc, gcc or clang), or None."""
-    if sys.platform == "win32":  # cl takes other flags
+    """Return the command of the machine's C compiler, split into words: the variable CC, else cc, gcc or
+    clang; None if there is none, or on Windows."""
+    if sys.platform == "win32":  # Microsoft's compiler takes other flags
         return None
     given = shlex.split(os.environ.get("CC", ""))
     for command in (given, ["cc"], ["gcc"], ["clang"]):

@@ -145,7 +145,7 @@ class _Memory:
     def opened(cls) -> Iterator[_Memory]:
         """Yield GPU memory and a stream for one launch; both are freed at the end."""
         made = cls()
-        _call("cuCtxSetCurrent", _device()[0])  # the context is per thread
+        _call("cuCtxSetCurrent", _device()[0])  # each thread must set the GPU context
         made.stream = _got("void **", "cuStreamCreate", _NON_BLOCKING)
         try:
             yield made

@@ -52,8 +52,8 @@ def as_cpp(text: str) -> str:
 def for_gpu(text: str) -> str:
     """Return a source of the engine in the form that the kernel includes.
 
-    Functions that are not inline in C are marked as such: else the kernel is one function, and NVRTC takes
-    ten times as long.
+    Functions that are not inline in C are marked as ``__noinline__``. Otherwise NVRTC makes the kernel one
+    function, which takes ten times as long to compile.
     """
     return _FUNCTION.sub("static __noinline__ ", as_cpp(text))
 
@@ -67,7 +67,7 @@ def headers() -> dict[str, str]:
 
 
 def kernel() -> str:
-    """Return the source of the kernel."""
+    """Return the CUDA source of the kernel that integrates members."""
     return (SOURCES / "members.cu").read_text("ascii")
 
 
@@ -149,7 +149,8 @@ def _laws(kinds: tuple[Record, ...], _functions: Any) -> str:
 
 
 def _one_law(struct: re.Match[str]) -> str:
-    """Return the C++ struct of a law whose fields are constants of its type."""
+    """Return, for a matched C definition of a law, the C++ struct `law` whose fields are constants of the
+    type."""
     members = [
         f"    static constexpr {_KINDS.get(name, f'law_{name}_fn *')}{name} = {value};"
         for name, value in _FIELD.findall(struct[0])

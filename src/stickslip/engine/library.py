@@ -9,7 +9,7 @@ from typing import Any
 
 from ._abi import ffi
 
-# Placed there by native/CMakeLists.txt.
+# Suffix and path of the library, which native/CMakeLists.txt puts beside this file.
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FILE = Path(__file__).with_name(f"_engine{SUFFIX}")
 # Folder of the engine's C sources: a user's law includes them, a GPU compiles them, exported code contains
@@ -18,7 +18,7 @@ SOURCES = Path(__file__).with_name("c")
 
 
 class EngineMissingError(ImportError):
-    """The engine was not built, or was built for another machine."""
+    """Error: the compiled engine is missing, or was built for another machine or from other sources."""
 
 
 @functools.cache

@@ -26,7 +26,7 @@ class _Structs:
         self.pointer: Any = ffi.new(f"{kind}[]", count)
         self._kind, self._shape = kind, (count, ffi.sizeof(kind))
         self._memory: Any = ffi.buffer(self.pointer)
-        self._arrays: list[Any] = []  # the engine keeps pointers into them
+        self._arrays: list[Any] = []  # kept alive, because the engine has pointers into them
 
     def fill(self, like: Any) -> None:
         """Copy one struct into all structs."""
@@ -71,7 +71,7 @@ class ComposedMembers:
                 self._structs.point(given, each, *place)
             else:
                 self._structs.put(given, np.float64, *place)
-        for m in range(self.count):  # what composing sets depends on which numbers are zero
+        for m in range(self.count):  # the result of composing depends on which numbers are zero
             library().stickslip_compose(self.struct + m)
 
 
@@ -207,7 +207,8 @@ def integers(array: Integers, name: str) -> Any:
 
 
 def _parameters(law: Any, numbers: Iterator[Array], count: int) -> Array:
-    """Return parameters of a law for each member, [members, numbers], as the engine reads them."""
+    """Return the parameters of a law for each member, [members, numbers], as the engine reads them. `numbers`
+    yields the columns [members] of the law's own fields."""
     given = np.empty((count, sum(1 for _ in numbers_in(law))))
     for place in given.T:
         place[:] = next(numbers)

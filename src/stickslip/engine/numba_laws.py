@@ -18,8 +18,8 @@ _POINTER = "CPointer(float64)"
 
 
 def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any] | None:
-    """Return the struct of a law compiled by Numba, and objects that must be kept; None without Numba, or
-    where Numba fails."""
+    """Return the struct of a law compiled by Numba, and objects that must exist as long; None without Numba,
+    if Numba fails, or if a function of the law raises errors."""
     if find_spec("numba") is None:
         return None
     from numba.core.errors import NumbaError

@@ -64,7 +64,11 @@ class StateSpace(NamedTuple):
 
 
 def python_control(call: str) -> Any:
-    """Return the module ``control``; raises QuantityError, which names the extra, if it is missing."""
+    """Return the module ``control``; `call` names the caller in messages.
+
+    Raises:
+        QuantityError: python-control is not installed; the message names the extra.
+    """
     try:
         return import_module("control")
     except ImportError:

@@ -90,7 +90,8 @@ def simulate_ensemble(
     Args:
         model: the actuator that the members vary.
         waveform: the drive, V.
-        duration: s; by default that of the waveform, if it ends (without samples, of each member's own).
+        duration: s; by default the duration of the waveform, if it has an end; without samples, the duration
+            of each member's own waveform.
         parameters: one array per name, all [members], in SI or with units. Names are the fields of the law,
             of the actuator, of its piezo ("piezo_weight_2", "piezo_capacitance") and of the waveform
             ("amplitude", "frequency"; "value_3" and "time_2" of a list), "stiction_ratio", "breakaway_share"
@@ -193,7 +194,7 @@ def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:
     if times.size:
         why = "the GPU keeps summaries only, and trajectories are asked for"
     else:
-        from ..engine import cuda  # imported only here, because most runs do not need it
+        from ..engine import cuda  # imported only here, because most runs use no GPU
 
         why = cuda.missing() or cuda.refused(law_of(element(model.friction, 0)))
         if not why:

@@ -17,7 +17,8 @@ INSTEAD = "give the stage a natural_frequency, or a drive without jumps (a rise_
 def cannot_jump(model: Actuator) -> bool:
     """Return True if a voltage jump would move the bristles of a static stage's contact at infinite speed.
 
-    All drives of such a model refuse jumps. A law without bristles just slides.
+    Such a model accepts no drive with jumps. A law without bristles has no such limit: its contact just
+    slides.
     """
     return model.static and not model.clamped and elements(model.friction) > 0
 

@@ -107,7 +107,7 @@ def checked_columns(
 
 
 def by_name(parameters: Any) -> Mapping[str, Any]:
-    """Return the parameters; raises QuantityError if they are not given by name."""
+    """Return `parameters` if they are a mapping of names to values; otherwise raise QuantityError."""
     if not (isinstance(parameters, Mapping) and all(isinstance(name, str) for name in parameters)):
         raise QuantityError(f"parameters are values by name, not {parameters!r:.60}")
     return parameters
@@ -129,7 +129,7 @@ def bends(model: Actuator) -> bool:
 
 
 def own_tables(model: Actuator, waveform: Waveform, columns: Columns) -> bool:
-    """Return True if each member needs its own table of the drive."""
+    """Return True if members need different drive tables, because a value that changes the drive varies."""
     before = ["drive_scale"] if bends(model) else []
     return bool(waveform_columns(waveform, columns)) or any(n in columns for n in drive_names(model) + before)
 

@@ -106,7 +106,7 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
         stage_stiffness=model.natural_frequency**2,
         stage_damping=2.0 * model.damping_ratio * model.natural_frequency,
         stage_drive=model.gain * model.natural_frequency**2,
-        # A clamped end-effector is part of the stage: the mass in a step test includes it (app. 4).
+        # A clamped end-effector is part of the stage, whose mass includes it [kang2007, app. 4].
         reaction=1.0 / model.stage_mass if model.stage_reaction and not model.clamped else 0.0,
         rate=model.natural_frequency,
     )
@@ -186,8 +186,9 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
     """Return the plant of a model [kang2007, eq. 3.20-3.25]; see `plant.system`.
 
     Args:
-        normal: normal force relative to the one at which the law's parameters hold.
-        loaded: True if the normal force varies in addition.
+        model: the actuator or pulled slider.
+        normal: constant normal force relative to the one at which the law's parameters are valid.
+        loaded: True if a varying factor of the normal force is added, the engine's load.
     """
     mech, law = mechanism(model), model.friction
     internal = elements(law)

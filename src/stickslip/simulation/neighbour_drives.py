@@ -17,8 +17,8 @@ from ..waveform.drive import Drive, evaluate
 from .drives import Driven
 from .varied import changed_piezo, drive_names, put_in, value_of
 
-# Change of a parameter, relative to its value, or absolute for a value of 0. Neighbours use the same
-# integration steps, so only rounding limits the change.
+# Change of a parameter for a difference quotient, relative to its value, or absolute for a value of 0.
+# Neighbours use the same integration steps, so only rounding limits the change.
 DIFFERENCE = 1e-6
 # Relative changes of a parameter for drives after piezo hysteresis, which are accurate to about 1e-8. They
 # are tried in order; the best one gives a change of the drive that is most nearly in proportion to the change
@@ -74,7 +74,7 @@ def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float,
     value = value_of(model, name, waveform)
 
     def at(by: float) -> Driven:
-        if of_piezo:  # unchecked, because it may exceed a bound
+        if of_piezo:  # not checked, because the changed value may exceed a bound
             return given._replace(piezo=changed_piezo(model, {name: value + by}))
         return given._replace(waveform=type(waveform)(**put_in(waveform, {name: value + by})))
 

@@ -56,7 +56,7 @@ BY_ROW = "initial row "  # internal name: this prefix and an index mean the init
 # Derivatives are accepted if they change by less than SETTLED times the largest value in time when the
 # tolerance is divided by ten; REFINED is the largest number of such divisions.
 SETTLED, REFINED = 0.01, 4
-# Smallest change of a damping (which may be 0), relative to mass times natural frequency.
+# A damping below this fraction of mass times natural frequency (even 0) is changed as if it had that value.
 LEAST_DAMPING = 1e-3
 DAMPING = ("N s/m", ANGLE.unit("N s/m"))  # units of a damping
 
@@ -159,7 +159,7 @@ def moved(
                 own = contact.rest(of, table.before)
         elif (row := initial_row(of, name)) is not None:
             step = _small(of, row)
-            if row >= of.bodies:  # inwards, because there may be a bound
+            if row >= of.bodies:  # towards 0, because the deflection may be at a bound
                 step = -math.copysign(step, own[row])
             own[row] += step
         else:
@@ -185,7 +185,7 @@ def moved(
             tables.append(table)
             periods.append(period)
     breaks = np.zeros(0) if itself is None else breaks_apart(contact.table, itself, end)
-    n = len(names)  # tables have their columns also without names
+    n = len(names)  # without names, the tables below keep their number of columns
     return NeighbouringModels(
         model,
         of,
@@ -312,7 +312,7 @@ def sensitivities(
     contact = contact_load(load, end)
     state = contact.rest(contact.system(model), drive.before)
     of = moved(model, parameters, state, drive.before, contact, waveform, end, tolerance=tolerance)
-    if of.itself is not None:  # the neighbours' segments, which depend on the end if there is creep
+    if of.itself is not None:  # the same segments as the neighbours; with creep, they depend on the end
         drive = of.itself
 
     def derivatives(tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -37,8 +37,8 @@ def steady_orbit(
         load: normal force relative to its reference: a number, or a waveform whose period is that of the
             drive or an integer fraction of it.
 
-    With creep, or hysteresis without plays, the orbit is that of a table of the drive; its error includes the
-    effect of a finer table.
+    With creep, or hysteresis of Duhem's form, the drive of the stage is approximated by a table; the error of
+    the orbit includes the effect of a finer table.
 
     Raises:
         QuantityError: the waveform has no period, the load another one, or see `simulate`.

@@ -65,10 +65,11 @@ class Joined(NamedTuple):
 
 
 def joined(actuators: Sequence[Actuator]) -> Joined:
-    """Return the plant of actuators that share their end-effector.
+    """Return the common plant of actuators that share one end-effector.
+
 
     Raises:
-        QuantityError: an actuator that cannot be joined, or whose end-effector is another one.
+        QuantityError: an actuator that cannot be joined, or whose end-effector has another mass or force.
     """
     if len(actuators) < 2:
         raise QuantityError("actuators: at least two move one end-effector; for one there is simulate")

@@ -39,7 +39,7 @@ def element_of(model: Actuator | PulledSlider, modes: int) -> Element | None:
     assert isinstance(model, Actuator)
     assert model.two_port is not None
     width, share = model.two_port.stops()
-    # Unchecked: in an ensemble, fields are arrays.
+    # The law is made without its checks, because its fields are arrays in an ensemble.
     law = tuple.__new__(
         MaxwellSlip, (_elements(share), _elements(PER_VOLT * share * width), 0.0, 1.0, 1.0, 1.0)
     )

@@ -62,8 +62,8 @@ def set_variable(body: FunctionBody, node: ast.AST, name: str, value: Value) -> 
 
 
 def _store(body: FunctionBody, node: ast.AST, name: str, kind: Any, value: Value, new: bool) -> None:
-    """Write statements that store a translated value in the variable `name`, or in one variable for each part
-    of a tuple."""
+    """Write the C statements that store a value of the type `kind` in the variable `name`, which they declare
+    if it is `new`; a tuple is stored in one variable per part."""
     if isinstance(kind, Tuple):
         for i, (one, part) in enumerate(zip(kind.types, value.parts, strict=True)):
             _store(body, node, f"{name}__{i}", one, part, new)

@@ -36,7 +36,7 @@ _BITS = {ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^", ast.LShift: "<<", ast
 
 
 class LocalFunction(NamedTuple):
-    """A function that is defined inside another one."""
+    """A Python function that is defined inside the translated one."""
 
     source: FunctionSource
 
@@ -167,7 +167,7 @@ def identifier(context: Context, node: ast.AST, name: str) -> str:
 
 def variable(context: Context, node: ast.AST, name: str, kind: Any) -> Value:
     """Return the value of a variable of this type; a tuple is one C variable per part."""
-    if isinstance(kind, Value):  # an alias of a table
+    if isinstance(kind, Value):  # the name stands for a table
         return kind
     text = identifier(context, node, name)
     if isinstance(kind, Tuple):

@@ -123,7 +123,7 @@ def _range(body: FunctionBody, node: ast.For, call: ast.Call) -> None:
     step = bounds[2] if len(bounds) == 3 else one
     if not isinstance(step.constant, int) or step.constant == 0:
         raise body.source.error(node, "the step of a range must be a whole number that is known beforehand")
-    if end.constant is None:  # the end may change in the loop
+    if end.constant is None:  # the end is stored, because its variables may change in the loop
         end = Value(body.temporary(INT, end.text), INT)
     inside = end.constant or 0 if isinstance(first.constant, int) and first.constant >= 0 else 0
     sign = "<" if step.constant > 0 else ">"

@@ -8,7 +8,7 @@ import inspect
 import re
 from typing import TYPE_CHECKING, Any
 
-from . import calls as calls  # fills the table of expressions
+from . import calls as calls  # importing it adds calls to the table of expressions
 from .assignments import Retyped, assign, parts_of, set_variable
 from .expressions import (
     NUMBERS,
@@ -291,8 +291,8 @@ class FunctionBody:
         self.line("} else {")
         no = self.indented(node.orelse)
         self.line("}")
-        chained = self._lines[before + 1 :]
-        if len(node.orelse) == 1 and chained and chained[0].lstrip().startswith("if ("):  # an "else if"
+        chained = self._lines[before + 1 :]  # a single if in the else branch is written as "else if"
+        if len(node.orelse) == 1 and chained and chained[0].lstrip().startswith("if ("):
             inner = [line.removeprefix("    ") for line in chained[:-1]]
             self._lines[before:] = [f"{'    ' * self.depth}}} else {inner[0].lstrip()}", *inner[1:]]
         return yes and no

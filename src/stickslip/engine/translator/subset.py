@@ -129,10 +129,11 @@ def with_arguments(tree: ast.FunctionDef | ast.Lambda, names: list[str]) -> ast.
 
 
 def source_of(function: Callable[..., Any]) -> FunctionSource:
-    """Return the source of a plain or compiled function.
+    """Return the source of a Python function, also of one that is compiled by Numba.
 
     Raises:
-        TranslationError: it has no source that can be read (typed at a prompt, built in).
+        TranslationError: its source cannot be read (typed at a prompt, built in), or it is not a plain
+            function.
     """
     plain = getattr(function, "py_func", function)
     name = getattr(plain, "__name__", repr(plain))
@@ -180,7 +181,7 @@ def record_type(record: Any) -> Record:
 def _annotations(record_class: type) -> dict[str, Any]:
     try:
         return get_type_hints(record_class)
-    except Exception:  # a name that only a type checker knows
+    except Exception:  # an annotation with a name that exists only for type checkers
         return {}
 
 

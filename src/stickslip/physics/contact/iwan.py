@@ -65,7 +65,7 @@ def maxwell_slip(contact: Mindlin | ExponentialContact, elements: int = 8) -> Ma
     """
     elements = whole(elements, "elements", 1, 1000)
     share = np.arange(1, elements + 1) / elements
-    if isinstance(contact, Mindlin):  # density in proportion to the root of k(x)
+    if isinstance(contact, Mindlin):  # elements per displacement in proportion to the root of k(x)
         nodes = contact.presliding_distance * (1.0 - (1.0 - share) ** (4.0 / 3.0))
     else:
         end = 1.0 - np.sqrt(LEFT_OUT)

@@ -96,8 +96,9 @@ class ContactPrior:
         return {name: self._of(name).prior for name in names or self.known}
 
     def draws(self, count: int, *names: str, seed: int = 0) -> dict[str, NDArray[np.float64]]:
-        """Return independent random draws [count] by name, for the `draws` of `plan_experiment` and the
-        `parameters` of `simulate_ensemble` and `steady_steps`.
+        """Return independent random draws [count] by name, by default of all parameters, for the `draws` of
+        `plan_experiment` and the `parameters` of `simulate_ensemble` and `steady_steps`.
+
 
         Raises:
             QuantityError: there is no prior for a parameter, or the count is invalid.

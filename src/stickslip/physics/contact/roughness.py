@@ -98,7 +98,7 @@ def self_affine(
     q_l, q_r, q_s = (2.0 * math.pi / wavelength for wavelength in (longest, bend, shortest))
 
     roots = []
-    for power in (1, 3, 5):  # moments of the spectrum, which is 1 on its plateau
+    for power in (1, 3, 5):  # moments of a spectrum that is 1 on its plateau
         flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
         left, ends = power - 1.0 - 2.0 * hurst, math.log(q_s / q_r)
         fall = q_r**left * ends * float(scipy.special.exprel(left * ends))  # (q_s^left - q_r^left)/left
@@ -145,7 +145,7 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
         raise QuantityError("heights are all alike, or a plane: there is no roughness in them")
     slopes = [np.mean((np.diff(z, axis=i) / steps[i]) ** 2) for i in range(z.ndim)]
     bends = [np.diff(z, 2, axis=i) / steps[i] ** 2 for i in range(z.ndim)]
-    if z.ndim == 1:  # isotropic: for all directions the squares are 2 and 8/3 times those of a line
+    if z.ndim == 1:  # of an isotropic surface, the squares are 2 and 8/3 times those along a line
         slope, curvature = 2.0 * slopes[0], 8.0 / 3.0 * np.mean(bends[0] ** 2)
     else:
         slope, curvature = sum(slopes), np.mean((bends[0][:, 1:-1] + bends[1][1:-1, :]) ** 2)
@@ -165,7 +165,7 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
         ModuleNotFoundError: SurfaceTopography is missing (extra ``stickslip[topography]``).
     """
     try:
-        with warnings.catch_warnings():  # the library warns that it runs without MPI
+        with warnings.catch_warnings():  # SurfaceTopography warns that it runs without MPI
             warnings.simplefilter("ignore", ImportWarning)
             from SurfaceTopography.IO import open_topography
     except ModuleNotFoundError as missing:
@@ -176,7 +176,7 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
     try:
         with open_topography(os.fspath(path)) as reader:
             scan = reader.topography(channel_index=channel)
-    except Exception as error:  # three dozen formats raise any error
+    except Exception as error:  # readers of three dozen formats may raise any exception
         said = str(error).strip().split("\n")[0]
         raise QuantityError(
             f"{path} cannot be read as a topography: {said or type(error).__name__}"

@@ -117,7 +117,8 @@ def electrical(
     current = np.diff(charge) / step
     stored = 0.5 * np.diff(charge * volts) / step
     mean_loss = float(np.sum(loss * step)) / lasted
-    steady = stack.thermal_resistance * float(np.sum(cold * step)) / lasted  # K, without a dependence
+    # Steady temperature rise, K, if the loss did not depend on temperature.
+    steady = stack.thermal_resistance * float(np.sum(cold * step)) / lasted
     left = 1.0 - steady * slope
     found = {
         "drive_voltage": volts,

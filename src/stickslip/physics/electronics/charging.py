@@ -49,7 +49,12 @@ def rest(volts: float) -> Array:
 
 def _remembered(t, memory, rate):
     """Return the weighted mean of exp(-rate t') over the last t seconds, with exponential weights of this
-    memory time."""
+    memory time.
+
+    Args:
+        t, memory: s.
+        rate: 1/s.
+    """
     z = t / memory - rate * t
     left = math.exp(-t / memory)
     if abs(z) < 1e-3:
@@ -59,7 +64,15 @@ def _remembered(t, memory, rate):
 
 def _mean_square(of, t, before, slope, bend):
     """Return the mean square of the current t seconds later, for an output with this slope [V/s] and, with
-    tau > 0, an exponential of height `bend` [V] that decays to 0."""
+    tau > 0, an exponential of height `bend` [V] that decays to 0.
+
+    Args:
+        of: limits of the amplifier.
+        t: s.
+        before: mean square of the current now, A².
+        slope: final slope of the output, V/s.
+        bend: initial height of the exponential, V.
+    """
     steady = of.farad * slope
     left = math.exp(-t / of.memory)
     found = before * left + steady * steady * (1.0 - left)
@@ -83,6 +96,17 @@ def _ramped(of, d, over, side, s, rate, square, folded, least):
 
     Four results: its duration (at least `least`), the mean square, whether the steady current limits
     afterwards, and whether the part reaches the end of the piece.
+
+    Args:
+        of: limits of the amplifier.
+        d: time left in the piece of the target, s.
+        over: distance from the target beyond that at which the lag, not the limit, determines the slope, V.
+        side: direction of the output, 1 or -1.
+        s: slope of the target, V/s.
+        rate: slope limit, V/s.
+        square: mean square of the current at the start, A².
+        folded: True if the steady current limits.
+        least: smallest duration of a part, s.
     """
     to_end = True
     closing = rate - side * s
@@ -103,7 +127,12 @@ def _ramped(of, d, over, side, s, rate, square, folded, least):
 
 
 def _lagged(of, d, gap, s, rate, square, folded, least):
-    """Return a part of d seconds in which the output is below its slope limit; results as `_ramped`."""
+    """Return a part of d seconds in which the output is below its slope limit; results as `_ramped`.
+
+    Args:
+        gap: target minus output, V.
+        of, d, s, rate, square, folded, least: as for `_ramped`.
+    """
     to_end = True
     bend = gap - s * of.tau
     if abs(s) > rate and of.tau > 0.0:  # the output lags until the limit is reached

@@ -81,7 +81,7 @@ def driven(
     times, volts, state, repeats = _until_it_repeats(of, asked, tolerance, whole)
     if repeats:
         begin = times[-1][-1]
-        volts[-1][-1] = volts[-1][0]  # of the last period, which is repeated: equal except for rounding
+        volts[-1][-1] = volts[-1][0]  # makes the repeated period close exactly
         again = _period(times[-1], volts[-1], period)
         return Sequence(Sampled(*_joined(times, volts)), (again, max(duration - begin, SLIVER * begin)))
     left = duration - whole * period

@@ -57,7 +57,7 @@ class BoucWen(NamedTuple):
         return 1.0 - self.alpha * max(1.0, 2.0 * self.beta / (self.beta + self.gamma))
 
     def at_rest(self, drive: float) -> float:
-        """Return H [V] at a drive value [V] that was reached from 0 V without a reversal."""
+        """Return the output H [V] at a drive value [V] that was reached from 0 V without a reversal."""
         return float(self.output([drive], drive)[0])
 
     def output(self, drive: ArrayLike, rest: float | str = 0.0) -> Array:
@@ -91,19 +91,34 @@ class BoucWen(NamedTuple):
 
 def decay_of(of, h, up):
     """Return r of dh/du = α - r h for motion in the direction `up`, on the side of h (at 0, of the
-    motion)."""
+    motion).
+
+    Args:
+        of: the `BoucWen` record.
+        h: hysteretic part of the voltage, V; its sign determines r, 1/V.
+        up: 1.0 for an increasing voltage, -1.0 for a decreasing one.
+    """
     side = up if h == 0.0 else math.copysign(1.0, h)
     return of.beta * up + of.gamma * side
 
 
 def along_way(alpha, r, h, du):
-    """Return h after the drive has changed by du, if h does not change its sign."""
+    """Return h after the drive has changed by du, if h does not change its sign.
+
+    Args:
+        alpha, r: coefficients of dh/du = α - r h, r in 1/V.
+        h: hysteretic part at the start, V.
+        du: change of the drive, V.
+    """
     x = r * du
     return h * math.exp(-x) - (alpha * du * (math.expm1(-x) / x) if x != 0.0 else 0.0)
 
 
 def crossing(model, h, u, goal):
-    """Return the drive value between u and the goal at which h becomes 0; the goal if it does not."""
+    """Return the drive value between u and the goal at which h becomes 0; the goal if it does not.
+
+    h is the hysteretic part [V] at the drive value u [V]; the drive moves from u to the goal [V].
+    """
     up = 1.0 if goal > u else -1.0
     if h * up >= 0.0 or model.alpha == 0.0:
         return goal
@@ -114,7 +129,11 @@ def crossing(model, h, u, goal):
 
 
 def bent(model, h, u, goal):
-    """Return h after the drive has moved from u to the goal."""
+    """Return h after the drive has moved from u to the goal.
+
+    h is the hysteretic part [V] at u; u and the goal are drive values [V]. On the way h may change its sign
+    once.
+    """
     if goal == u:
         return h
     up = 1.0 if goal > u else -1.0
@@ -124,7 +143,14 @@ def bent(model, h, u, goal):
 
 
 def bouc_wen_slope(model, u, h, up):
-    """Return dh/du."""
+    """Return dh/du.
+
+    Args:
+        model: the `BoucWen` record.
+        u: drive value, V, of which the slope of this model is independent.
+        h: hysteretic part, V.
+        up: 1.0 for an increasing voltage, -1.0 for a decreasing one.
+    """
     return model.alpha - decay_of(model, h, up) * h
 
 

@@ -91,7 +91,13 @@ class Lags(NamedTuple):
 
 def lag_change(tau, step, x, before, after):
     """Return the exact change of the state x of a first-order lag over a step in which its input changes
-    linearly."""
+    linearly.
+
+    Args:
+        tau, step: time constant, and length of the step, s.
+        x: state at the start of the step.
+        before, after: input at the start and at the end of the step.
+    """
     part = -math.expm1(-step / tau)
     return part * (before - x) + (after - before) * (1.0 - part * (tau / step))
 

@@ -85,7 +85,7 @@ def register(
 
 
 def is_duhem(candidate: object) -> bool:
-    """Return True if the object is a record registered here."""
+    """Return True if the object is a record of a registered piezo model, see `register`."""
     return type(candidate) in _IMPLEMENTATIONS
 
 

@@ -60,12 +60,18 @@ def samples(values: ArrayLike, field: str) -> Array:
 
 
 def play(v, r, z):
-    """Return the new state of a play of half-width r for the input v, from its state z."""
+    """Return the new state of a play of half-width r for the input v, from its state z.
+
+    All are voltages, V.
+    """
     return max(v - r, min(v + r, z))
 
 
 def beyond(u, s):
-    """Return the excess of the drive value u over the end s of a dead zone."""
+    """Return the excess of the drive value u over the end s of a dead zone.
+
+    Both are voltages; the result, V, is 0 if u is below s.
+    """
     return max(u - s, 0.0)
 
 

@@ -123,11 +123,12 @@ class PrandtlIshlinskii(NamedTuple):
         return found
 
     def at_rest(self, drive: float) -> float:
-        """Return H [V] at a drive value [V] that was reached from 0 V without a reversal."""
+        """Return the output H [V] at a drive value [V] that was reached from 0 V without a reversal."""
         return float(self.output([drive], drive)[0])
 
     def inverse(self, wanted: ArrayLike, rest: float | str = 0.0) -> Array:
-        """Return the drive [V], shape (n,), for which `output` equals `wanted` [V].
+        """Return the drive [V], shape (n,), for which `output` equals `wanted` [V]; `rest` as in `output`.
+
 
         Raises:
             QuantityError: no drive gives it, or as `output`.

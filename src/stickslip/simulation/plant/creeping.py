@@ -29,7 +29,11 @@ TERMS = 18
 
 
 def weights(z):
-    """Return I_0, I_1, I_2 and I_3 for a step of z time constants."""
+    """Return I_0, I_1, I_2 and I_3 for a step of z time constants.
+
+    They are the weights of the coefficients of the drive's polynomial in the response of a creep term, see
+    the module. For small z a power series avoids cancellation.
+    """
     if abs(z) > 1.0:
         first = -math.expm1(-z) / z
         second = (1.0 - first) / z
