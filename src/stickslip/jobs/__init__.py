@@ -1,5 +1,7 @@
-"""Files that describe recording, identification, verification, comparison, design and export; their
+"""Input files that describe recording, identification, verification, comparison, design and export; their
 runners.
+
+A job is a sequence of such steps.
 """
 
 from .._lazy import attach

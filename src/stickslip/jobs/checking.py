@@ -1,4 +1,4 @@
-"""Checks of a job before it runs: existing files, files made by earlier steps, models, units of limits."""
+"""Checks of a job before it runs: existing files, files of earlier steps, models, requirements."""
 
 from __future__ import annotations
 
@@ -30,24 +30,25 @@ from .campaign.checking import check_campaign
 from .campaign.file import CampaignFile
 from .file import Job, JobStep, checked
 
-# Keys below these are the user's own words; a "file" there is not a recording.
+# Keys of a job file under which users choose the names; a key "file" there does not name a recording.
 _FREE = {"options", "variables", "fields", "columns", "units", "rename"}
 
 
 def check_job(job: Job, out: Path) -> None:
     """Check before the first step that everything that the steps need exists.
 
+    So a mistake in a late step is reported before hours of work. Existing recordings are read, too.
+
     Args:
         job: the job.
         out: folder for the recordings and results of its steps.
 
     Raises:
-        InputFileError: a file does not exist and no earlier step makes it; the model does not exist; a limit
-            has
-            no unit. Names the step and the field.
+        InputFileError: a file does not exist and no earlier step makes it; the model does not exist; a
+            requirement is invalid; or a recording is not suitable. The message names the step and the field.
     """
-    made: set[str] = set()  # absolute paths
-    cells: list[str] = []  # cells of the last `record`
+    made: set[str] = set()  # absolute paths of the files that earlier steps will make
+    cells: list[str] = []  # names of the recordings that the last `record` step will make
     for number, step in enumerate(job.steps, start=1):
         spec, own = checked(step), list[str]()
         if isinstance(spec, ExperimentFile):
@@ -75,7 +76,16 @@ def _check_files(step: JobStep, spec: Any, made: set[str], out: Path) -> None:
 
 
 def _check_words(spec: Any, folder: Path, cells: list[str]) -> None:
-    """Check the model, the limits, and the cells of a campaign."""
+    """Check names and texts in a step: the model, the requirements, and the cells of a campaign.
+
+    Args:
+        spec: content of the step.
+        folder: folder of the relative paths in the step.
+        cells: names of the recordings of the experiment that the step can use.
+
+    Raises:
+        InputFileError: a name or a text is wrong.
+    """
     model = getattr(spec, "model", None)
     if isinstance(model, str) and model and not model.endswith(".json") and not (folder / model).is_file():
         _told("model", load_set, model)
@@ -93,7 +103,10 @@ def _check_words(spec: Any, folder: Path, cells: list[str]) -> None:
 
 
 def _check_recordings(recordings: Iterable[Any], folder: Path) -> None:
-    """Read existing recordings now: a wrong column is reported before hours of work."""
+    """Read existing recordings now, so that a wrong column is reported before hours of work.
+
+    Raises InputFileError if a file cannot be read or its position channel is not suitable.
+    """
     for i, one in enumerate(recordings):
         if isinstance(one, RecordingFile) and not one.dataset and (folder / one.file).is_file():
             try:
@@ -103,7 +116,10 @@ def _check_recordings(recordings: Iterable[Any], folder: Path) -> None:
 
 
 def _files(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the files that a step's content names, with their place in it."""
+    """Yield pairs for the files that a step's content names: place of the key in it, and name of the file.
+
+    `place` is the place of `content` in the step, such as "recordings.0".
+    """
     if isinstance(content, list):
         for i, one in enumerate(content):
             yield from _files(one, f"{place}.{i}")
@@ -132,7 +148,14 @@ def _told(where: str, check: Any, text: str) -> None:
 
 
 def _made_by(kind: str, spec: Any, number: int, cells: list[str]) -> Iterator[str]:
-    """Yield the results that a later step can name, relative to the output folder."""
+    """Yield the files that a step makes and a later step can name, relative to the output folder.
+
+    Args:
+        kind: kind of the step, such as "record".
+        spec: content of the step.
+        number: number of the step in the job, from 1.
+        cells: names of the recordings that the step makes.
+    """
     also = [EXPORTS[one].ending for one in spec.save_as] if isinstance(spec, ExperimentFile) else []
     yield from (f"recordings/{name}{end}" for name in cells for end in (".nc", *also))
     yield from registry.steps.find(kind).makes(spec, number)

@@ -1,4 +1,4 @@
-"""The demonstration: the thesis's campaign on the virtual rig, then models of published measurements.
+"""Demonstration: the campaign of [kang2007] on the virtual rig, and models of published measurements.
 
 The campaign and the identification files come from `stickslip.examples`; each runs as with ``stickslip
 identify``. If the data of a part are missing and cannot be downloaded, the report says which and why.
@@ -26,13 +26,13 @@ from .running import joined
 
 CAMPAIGN = "kang2007_campaign.yaml"
 EXAMPLES = ("friction_loops.yaml", "piezo_mirror.yaml", "pulled_slider.yaml")
-# Fraction of the total time.
+# Fraction of the demonstration's progress at which the campaign is finished.
 _CAMPAIGN_SHARE = 0.6
 
 
 @contextlib.contextmanager
 def _others() -> Iterator[ProcessPoolExecutor]:
-    """Open two processes for the identification files; an error or Ctrl-C ends them at once."""
+    """Provide two processes for the identification files; an error or Ctrl-C ends them at once."""
     before = multiprocessing.active_children()
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as others:
         try:
@@ -45,7 +45,7 @@ def _others() -> Iterator[ProcessPoolExecutor]:
 
 
 def _run_or_why(file: Path) -> Document | str:
-    """Return the document of an identification file, or why its data are missing."""
+    """Return the report of an identification file, or the reason, as text, why its data are missing."""
     try:
         return run_file(file)
     except RecordingError as error:
@@ -53,9 +53,13 @@ def _run_or_why(file: Path) -> Document | str:
 
 
 def run(out: str | os.PathLike[str], progress: Progress = unheard) -> Document:
-    """Run everything; the campaign's recordings go into `out`, and are used again next time.
+    """Run the demonstration and return its report.
 
-    Two other processes run the identification files meanwhile.
+    Two other processes run the identification files while this one runs the campaign.
+
+    Args:
+        out: folder for the campaign's recordings and finished stages; existing ones are used again.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
     """
     folder = Path(str(importlib.resources.files("stickslip") / "examples"))
     with _others() as others:

@@ -1,6 +1,6 @@
-"""Schema of a job file.
+"""Schema of a job file, and its reader.
 
-A job is a title and its steps, one after the other::
+A job has a title and steps, which run one after the other::
 
     title: From recordings to firmware
     steps:
@@ -30,7 +30,7 @@ Content = dict[str, Any]
 
 
 class JobFile(Strict):
-    """A whole job file."""
+    """Content of a job file: a title, and steps, each with one key, the kind of the step."""
 
     title: str
     notes: str = ""
@@ -38,9 +38,10 @@ class JobFile(Strict):
 
 
 class JobStep(NamedTuple):
-    """One step: its kind, its content, the file of the content, and the place in this file.
+    """One step of a job.
 
-    `inside` is the place, such as "steps.0.record."; "" for a file with a single step.
+    `kind` is its kind, such as "record", and `content` its content, read from the file `path`. `inside` is
+    the place of the content in this file, such as "steps.0.record."; "" if the file contains only this step.
     """
 
     kind: str
@@ -58,7 +59,13 @@ class Job(NamedTuple):
 
 
 def read_job(path: Path, changes: Sequence[str] = ()) -> Job:
-    """Return the job of a job file, or of a file of another kind, with changes as for `load_yaml`.
+    """Return the job that a file describes.
+
+    A file of another kind (experiment, campaign, identification, ...) becomes a job of one step.
+
+    Args:
+        path: path of the file.
+        changes: changes to its content, as for `load_yaml`.
 
     Raises:
         InputFileError: the file is invalid; the message names the file and the field.
@@ -127,7 +134,15 @@ def _kind_of(content: Content, path: Path) -> str:
 
 
 def checked(step: JobStep, where: str = "") -> Any:
-    """Return the content of a step as a record; raises InputFileError."""
+    """Return the content of a step as a validated record of its kind.
+
+    Args:
+        step: the step.
+        where: place of the content in its file, for errors.
+
+    Raises:
+        InputFileError: the content is invalid; the message names the file and the field.
+    """
     content = step.content
     try:
         return registry.steps.find(step.kind).read(content)

@@ -1,4 +1,4 @@
-"""Catalogue by name: laws, parameter sets, waveforms, parts, benches, calibrations, published data."""
+"""Catalogue of everything that has a name: laws, parameter sets, waveforms, benches, published data, ..."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
     """Return all known names by kind, each with a one-line description.
 
     Args:
-        kinds: of "laws", "actuators" (parameter sets), "piezo models", "waveforms", "sensors", "readers",
-            "rigs", "amplifiers", "stacks", "materials", "friction pairs", "data sheets", "benches",
-            "calibrations" and "datasets"; all of them by default.
+        kinds: kinds to list: "laws", "actuators" (parameter sets), "piezo models", "waveforms", "sensors",
+            "readers", "rigs", "amplifiers", "stacks", "materials", "friction pairs", "data sheets",
+            "benches", "calibrations", "datasets"; all of them by default.
 
     Raises:
         QuantityError: there is no such kind.
@@ -62,9 +62,9 @@ def _lines(kind: registry.Kind) -> dict[str, str]:
 def _line(kind: registry.Kind, name: str) -> str:
     try:
         found = kind.find(name)
-    except registry.RegistryError as error:  # it exists, but cannot be used
+    except registry.RegistryError as error:  # the name is known, but its file fails
         return str(error)
-    found = getattr(found, "read", found)  # of a format
+    found = getattr(found, "read", found)  # a file format is described by its function `read`
     said, place = (found.__doc__ or "").strip().split("\n")[0], registry.origin(found)
     said = "" if said.startswith(f"{name}(") else said
     return f"{said} ({place})".strip() if place else said

@@ -1,4 +1,4 @@
-"""Run a job: its steps in turn, each with the results of earlier ones."""
+"""Runner of jobs: it runs the steps in turn; a step can use the results of earlier steps."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ def run_job(
     kept: Callable[[Document], object] | None = None,
     changes: Sequence[str] = (),
 ) -> Document:
-    """Record, identify, verify, compare, export and map, as described in a file.
+    """Run the job that a file describes, such as recording, identification and export; return its report.
 
     Args:
         path: a job file, or an experiment, campaign, identification, verification, design or move file.
-        out: the folder. Recordings go into its `recordings`, results of single steps into its `steps`, and
-            exports beside them. Existing recordings are used again. Exports and moves of an earlier run that
-            have the same name are moved to `.bin` there, with a RecordingWarning.
+        out: output folder. Recordings go into its subfolder `recordings`, results of identifications into
+            `steps`, and exports and moves beside these. Existing recordings are used again. Exports and moves
+            of an earlier run that have the same name are moved to its subfolder `.bin`, with a
+            RecordingWarning.
         progress: called with the current activity and the finished fraction, from 0 to 1.
-        figures: draw those of campaigns.
+        figures: True to draw the figures of campaigns.
         kept: called with the report of the finished steps if a step fails or is interrupted; the error is
-            then
-            raised.
-        changes: of the file, as for `load_yaml`.
+            raised afterwards.
+        changes: changes to the file, as for `load_yaml`.
 
     Raises:
         InputFileError: the file is invalid, or names files and models that do not exist; raised before any
@@ -79,7 +79,13 @@ def _done(running: JobRun, number: int, step: JobStep, progress: Progress) -> Do
 
 
 def _until(job: Job, documents: Sequence[Document], error: BaseException) -> Document:
-    """Return the report of the steps before the failed one, with the failure."""
+    """Return the report of the finished steps, with the failure of the next step added.
+
+    Args:
+        job: the job.
+        documents: reports of the finished steps.
+        error: error, or KeyboardInterrupt, of the step after them.
+    """
     at, count = len(documents), len(job.steps)
     interrupted = isinstance(error, KeyboardInterrupt)
     said = "was interrupted" if interrupted else f"failed: {' '.join(str(error).split())}"
@@ -95,7 +101,10 @@ def _until(job: Job, documents: Sequence[Document], error: BaseException) -> Doc
 
 
 def _found(content: Content, folder: Path, out: Path) -> Content:
-    """Return the content; files that do not exist beside it, but in `out`, get their paths there."""
+    """Return a step's content in which files of earlier steps have absolute paths.
+
+    These are files that exist in the output folder `out` and not in `folder`, the folder of the input file.
+    """
 
     def resolved(value: Any, key: str = "") -> Any:
         if isinstance(value, dict):
@@ -109,7 +118,14 @@ def _found(content: Content, folder: Path, out: Path) -> Content:
 
 
 def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool = True) -> Document:
-    """Return several documents as one; its summary contains their summaries if `told`."""
+    """Return one report that contains several reports as sections.
+
+    Args:
+        title: title of the whole report.
+        notes: first sentences of its summary.
+        documents: the reports.
+        told: True if its summary also contains the summaries of the reports.
+    """
     named = {}
     for i, one in enumerate(documents, start=1):
         sections = [_renamed(section, f"step{i}-") for section in one.sections]
@@ -136,7 +152,7 @@ def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool 
 
 
 def _renamed(section: Section, prefix: str) -> Section:
-    """Return the section with picture names that are unique among the steps."""
+    """Return a section whose figure names start with `prefix`, so that they are unique among the steps."""
     return replace(
         section,
         figures=[replace(picture, name=prefix + picture.name) for picture in section.figures],

@@ -1,4 +1,4 @@
-"""A kind of step of a job, and what a running step knows."""
+"""Kinds of steps of a job, and the state of a running job that its steps share."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from ..report import Document
 
 
 class JobRun:
-    """The running job: its folder `out`, and the results of the steps so far.
+    """State of a running job: its output folder `out`, and the results of the steps so far.
 
-    `experiment` is the content and the folder of the last recorded one, `results` the file of the last
-    identification. `number` (from 1), `file` (of its content), `folder` (of the paths in it) and `progress`
-    belong to the present step.
+    `figures` is True if figures are drawn. `experiment` is the content and the folder of the last recorded
+    experiment, None before one. `results` is the results.json of the last identification, None before one.
+    `number` (from 1), `file` (of the content), `folder` (of the relative paths in the content) and
+    `progress` belong to the present step.
     """
 
     def __init__(self, out: Path, figures: bool) -> None:
@@ -34,13 +35,15 @@ class JobRun:
 
     @property
     def folder(self) -> Path:
-        """Folder of the paths in the present step."""
+        """Folder of the relative paths in the present step."""
         return self.file.parent
 
     def room(self, name: str) -> Path:
-        """Return the folder of this name, with a number if an earlier step of this run uses it.
+        """Return the path of a folder for a step's results, which does not exist yet.
 
-        Results of an earlier run are moved to the bin; otherwise old code would have the obvious name.
+        It is the folder `name` in the output folder, with a number added if an earlier step of this run uses
+        the name. A folder of an earlier run is moved to the bin with a RecordingWarning; if the new folder
+        had another name instead, users might take old results for new ones.
         """
         number, found = 2, name
         while found in self._used:
@@ -54,14 +57,16 @@ class JobRun:
 
 
 class StepKind(NamedTuple):
-    """A kind of step.
+    """Kind of a step: how its content is read, checked and run.
 
     Args:
         schema: pydantic model of the content, or a union of models.
-        run: runs a step with its content, and returns its report.
-        lacks: what a content needs of earlier steps (their kinds), and is not there; "" if nothing.
-        makes: files that a later step can name, relative to the job's folder, by content and number.
-        reads: makes the record of a content, if it is more than validation by the schema.
+        run: function from the content and the running job to the report of the step.
+        lacks: function from the content and the kinds of earlier steps to a text that says which earlier
+            step is missing; "" if none is.
+        makes: function from the content and the number of the step to the files that a later step can name,
+            relative to the output folder.
+        reads: function from the plain content to its record, if validation by the schema is not enough.
     """
 
     schema: Any
@@ -72,11 +77,11 @@ class StepKind(NamedTuple):
 
     @property
     def titled(self) -> bool:
-        """True if the content has a title, and may be a file of its own."""
+        """True if the content has a title; it may then also be in a file of its own."""
         return "title" in getattr(self.schema, "model_fields", {"title": None})
 
     def read(self, content: dict[str, Any]) -> Any:
-        """Return a content as its record. Raises pydantic's ValidationError, or InputFileError."""
+        """Return the validated record of a content; raises pydantic's ValidationError, or InputFileError."""
         if self.reads is not None:
             return self.reads(content)
         return TypeAdapter(self.schema).validate_python(content)

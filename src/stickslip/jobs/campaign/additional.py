@@ -1,4 +1,4 @@
-"""Optional analyses of a campaign: posterior, profile likelihood, comparison of models."""
+"""Optional analyses after a campaign's friction fit: posterior, profile likelihood, comparison of models."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_EVALUATIONS = 250  # largest number of evaluations in each search for a candidate
+_EVALUATIONS = 250  # largest number of simulations of all walks in the fit of each candidate law
 # Upper bound of the delay in fits of other laws, as a multiple of the identified delay.
 _LONGEST_DELAY = 10.0
 
@@ -34,8 +34,8 @@ _LONGEST_DELAY = 10.0
 class Additional(NamedTuple):
     """Results of the optional analyses; each is None if it was not requested or failed.
 
-    `profiles` has 95 % intervals by parameter, in its unit, without those that failed; `failures` are
-    sentences.
+    `profiles` has the 95 % intervals of the profile likelihood by parameter, in the parameter's unit, without
+    those that failed. `choice` is the comparison of models. `failures` are sentences on failed analyses.
     """
 
     posterior: Posterior | None = None
@@ -45,7 +45,7 @@ class Additional(NamedTuple):
 
 
 class Walked(NamedTuple):
-    """A friction fit, its recordings with their drives, the unseen recordings, and the stage's fit."""
+    """A friction fit, its walks, the walks that it did not use, and the stage's fit (None without steps)."""
 
     friction: Fit
     fitted: list[Aligned]
@@ -54,7 +54,7 @@ class Walked(NamedTuple):
 
     @property
     def recordings(self) -> list[xr.Dataset]:
-        """Recordings of the fit."""
+        """Recordings of the walks that the fit used."""
         return [one.recording for one in self.fitted]
 
 
@@ -68,9 +68,17 @@ def additional(
     progress: Progress,
     kept: Kept,
 ) -> Additional:
-    """Run the requested analyses of a friction fit; compare models also if the law is `lacking`.
+    """Run the requested analyses of a friction fit; a failure is reported in the result, and not raised.
 
-    A failure is reported in the result; the fit is valid without these analyses.
+    Args:
+        file: the campaign, which requests the analyses.
+        friction: friction fit.
+        walks: all walks, those of the fit and those of the verification.
+        stage: fit of the stage; None without steps.
+        lacking: True if the law does not explain the walks; models are then compared without a request.
+        folder: folder of the relative paths in the file.
+        progress: called with the current activity and the finished fraction.
+        kept: store of finished stages.
     """
     of = Walked(
         friction,
@@ -91,7 +99,8 @@ def additional(
             if ends is not None:
                 profiles[name] = ends
     # A model that does not explain its recordings is compared with other laws even if the file does not
-    # request it, unless the cause is already known, or a fault of an instrument would decide.
+    # request it. No comparison is made if the cause is already known, or if a disturbance of an instrument is
+    # so strong that it would decide the comparison.
     known_cause = friction.advice is not None and friction.advice.explains
     known_cause = known_cause or any(one.moves > MOVES for one in friction.disturbances)
     if file.model_choice or (of.unseen and lacking and not known_cause):
@@ -115,10 +124,16 @@ def additional(
 
 
 def attempted(what: str, analysis: Callable[[], T], failures: list[str]) -> T | None:
-    """Return the result of an analysis; None if it fails, with the reason in `failures`."""
+    """Return the result of an analysis; if it fails, return None and append a sentence to `failures`.
+
+    Args:
+        what: name of the analysis, the subject of the sentence.
+        analysis: function that returns the result.
+        failures: list of sentences on failures.
+    """
     try:
         return analysis()
-    except Exception as error:  # of any kind: the fits took long and are valid without it
+    except Exception as error:  # any error: the fits took long, and are valid without this analysis
         said = str(error) if isinstance(error, ValueError) else repr(error)
         failures.append(f"{what} failed: {' '.join(said.split())}")
         return None

@@ -1,4 +1,4 @@
-"""Report sections on the optional analyses of a campaign: see `additional`."""
+"""Report sections on the optional analyses of a campaign: profiles, posterior, comparison of models."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .stage import unit_of
 
 
 def additional_numbers(found: CampaignResult) -> dict[str, Any]:
-    """Return the results of the optional analyses for results.json."""
+    """Return the results of the optional analyses for results.json, by analysis; {} without any."""
     more, numbers = found.additional, {}
     if more.profiles is not None:
         numbers["profiles"] = {
@@ -34,7 +34,7 @@ def additional_numbers(found: CampaignResult) -> dict[str, Any]:
 
 
 def additional_sections(found: CampaignResult, *, figures: bool) -> list[Section]:
-    """Return the sections of the requested analyses."""
+    """Return the report sections on the optional analyses that were made; [] without any."""
     more, sections = found.additional, []
     if more.profiles is not None or more.posterior is not None:
         sections.append(_without_linearisation(found, figures))

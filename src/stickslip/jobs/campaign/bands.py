@@ -1,9 +1,10 @@
-"""Prediction bands for the figures: 95 % intervals that follow from the uncertain parameters.
+"""Prediction bands for the figures: 95 % intervals of the model's position, due to uncertain parameters.
 
-A prediction depends on the fitted parameters and, through the stage that the fit took as known, on the steps.
-Both are linearised. G are the derivatives of the position by the fitted coordinates, P by the stage's values,
-and M is the shift of the fit with the stage's values. With their covariances V and S, the covariance of the
-position is G V Gᵀ + (G M + P) S (G M + P)ᵀ.
+The prediction depends on the fitted parameters and on the stage's parameters, which the fit took as known.
+The stage acts directly, and through the fit, which it shifts. All effects are linearised. G are the
+derivatives of the position with respect to the fitted coordinates, P with respect to the stage's parameters,
+and M is the shift of the fitted coordinates per change of the stage's parameters. With the covariances V of
+the fit and S of the stage, the covariance of the position is G V Gᵀ + (G M + P) S (G M + P)ᵀ.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from ...physics.actuator import Actuator
 from ..analysis.alignment import Aligned
 from .budget import LEVEL, Inherited
 
-_TOLERANCE = 1e-10
+_TOLERANCE = 1e-10  # tolerance of the simulations for derivatives, m (rad)
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,15 @@ def walk_bands(
     slew_rate: float | None,
     stages: Sequence[Actuator] = (),
 ) -> list[Array] | None:
-    """Return the half widths [n] of the bands of walks, m; None for a law without derivatives."""
+    """Return the half widths [n] of the 95 % bands of walks, m; None for a law without derivatives.
+
+    Args:
+        fit: friction fit.
+        taken: effect of errors of known values on the fit; None: only the fitted parameters are uncertain.
+        shown: the walks.
+        slew_rate: slew rate of the amplifier, V/s; None if unknown.
+        stages: alternative stages with which `taken` was made.
+    """
     if not has_slopes(fit.model):
         return None
     known = np.flatnonzero(np.isfinite(np.diag(fit.uncertainty.covariance)))
@@ -64,7 +73,12 @@ def walk_bands(
 
 
 def step_bands(stage: Fit, steps: Sequence[Aligned]) -> list[tuple[NDArray[np.intp], Array]]:
-    """Return for each step the indices of the fitted samples, and the half widths of their bands [m]."""
+    """Return for each step the indices of the fitted samples, and the half widths of their 95 % bands, m.
+
+    Args:
+        stage: fit of the steps.
+        steps: recordings of the fit, in its order.
+    """
     assert stage.jacobian is not None
     free = np.flatnonzero(stage.uncertainty.bounded == 0)
     own = stage.uncertainty.covariance[np.ix_(free, free)]

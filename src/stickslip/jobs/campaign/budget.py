@@ -1,10 +1,10 @@
 """Uncertainty budget of the friction parameters, with the errors of the stage and of the sensor's scale.
 
-The fit takes the stage's values as they were identified before. The effect of their errors is linearised: an
-error g of the known values moves the estimate by -(JᵀJ + P)⁻¹ Jᵀ G g. J and G are the derivatives of the
-position by the fitted and by the known values, and P is the information of the priors. Hysteresis and creep
-have no such derivatives. For them G g is the change of the position with other stages, each identified
-without a part of the recordings.
+The friction fit takes the stage's parameters, which were identified before, as known. The effect of their
+errors is linearised: an error g of the known values moves the estimate by -(JᵀJ + P)⁻¹ Jᵀ G g. J and G are
+the derivatives of the position with respect to the fitted and to the known values, and P is the information
+matrix of the priors. Hysteresis and creep have no such derivatives. For them G g is the change of the
+position if another stage is used, identified without a part of the recordings (jackknife).
 """
 
 from __future__ import annotations
@@ -29,14 +29,18 @@ from ...physics.actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned
 from .gathering import SensorScale
 
-LEVEL = 0.95
-_TOLERANCE = 1e-11
+LEVEL = 0.95  # confidence level of the intervals
+_TOLERANCE = 1e-11  # tolerance of the simulations for derivatives, m (rad)
 
 Array = NDArray[np.float64]
 
 
 class ErrorBudget(NamedTuple):
-    """Standard errors of each parameter by source, their total, and 95 % intervals."""
+    """Error budget of the fitted parameters, in their units.
+
+    `sources` has the standard errors by source (such as "noise of the recordings") and parameter, `total` the
+    standard error from all sources by parameter, and `intervals` the 95 % intervals by parameter.
+    """
 
     sources: dict[str, dict[str, float]]
     total: dict[str, float]
@@ -44,15 +48,19 @@ class ErrorBudget(NamedTuple):
 
 
 class Inherited(NamedTuple):
-    """Effect of the values that a fit took as known.
+    """Effect of errors of the values that a friction fit took as known on its coordinates.
+
+    The coordinates of a fit are its parameters, or their logarithms.
 
     Attributes:
-        moved: shift of the fit's coordinates per change of each stage value and of the log of the sensor's
-            scale.
-        stage: covariance of the stage's values [`STAGE_PARAMETERS`]; None if they are exact.
-        others: shift with each of the other stages [coordinates, stages]; None without hysteresis.
-        drift: shift per standard error of the drift subtracted from each walk [coordinates, walks]; None
-            without.
+        moved: shift of the coordinates per change of each stage parameter, and ("scale") of the logarithm of
+            the sensor's scale; arrays [coordinates] by name.
+        stage: covariance matrix of the stage's parameters, in the order of `STAGE_PARAMETERS`; None if they
+            are exact or fitted, too.
+        others: shift of the coordinates with each alternative stage [coordinates, stages]; None without
+            recordings of hysteresis.
+        drift: shift per standard error of the drift that was subtracted from each walk [coordinates, walks];
+            None if no drift was subtracted.
     """
 
     moved: dict[str, Array]
@@ -61,12 +69,21 @@ class Inherited(NamedTuple):
     drift: Array | None = None
 
     def by_stage(self) -> Array:
-        """Return the shift of the coordinates with the stage's values, [coordinates, `STAGE_PARAMETERS`]."""
+        """Return the shift of the coordinates per change of each stage parameter.
+
+        The shape is [coordinates, parameters], in the order of `STAGE_PARAMETERS`.
+        """
         return np.column_stack([self.moved[name] for name in STAGE_PARAMETERS])
 
 
 def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> ErrorBudget:
-    """Return the error budget of a friction fit with its known values and a sensor's scale."""
+    """Return the error budget of a friction fit.
+
+    Args:
+        fit: friction fit.
+        taken: effect of the values that the fit took as known; None: only the noise counts.
+        scale: scale of the sensor; None without a reference channel.
+    """
     names = [p.name for p in fit.shown if p.name not in CHANNEL and not p.fixed]
     by_source = {"noise of the recordings": fit.uncertainty.covariance}
     if freed(fit):
@@ -82,7 +99,7 @@ def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> Erro
         if taken.drift is not None:
             by_source["drift of the sensor"] = taken.drift @ taken.drift.T
         if scale is not None and scale.standard_error > 0:
-            # A position read too large by a factor makes the gain too large by the same factor.
+            # If the sensor reads too large by a factor, the identified gain is too large by the same factor.
             relative = scale.standard_error / scale.value
             by_scale = moved["scale"] - (moved["gain"] * fit.model.gain if taken.stage is not None else 0.0)
             by_source["scale of the sensor"] = relative**2 * np.outer(by_scale, by_scale)
@@ -101,12 +118,16 @@ def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> Erro
 
 
 def freed(fit: Fit) -> list[int]:
-    """Return the indices of stage values among the fitted parameters."""
+    """Return the indices of the stage's parameters among the fitted parameters; [] if none was fitted."""
     return [i for i, p in enumerate(fit.parameters) if p.name in STAGE_PARAMETERS]
 
 
 def _shares(fit: Fit) -> tuple[Array, Array]:
-    """Split the covariance of a fit: with an exact stage, and the contribution of the fitted stage."""
+    """Return the two parts of the covariance of a fit in which stage and friction were fitted at once.
+
+    The first part is the covariance if the stage were known exactly; the second is the contribution of the
+    stage's uncertainty.
+    """
     whole, at = fit.uncertainty.covariance, freed(fit)
     deviations = np.sqrt(np.diag(whole)[at])
     by = whole[:, at] / deviations
@@ -123,9 +144,14 @@ def inherited(
     slew_rate: float | None,
     stages: Sequence[Actuator] = (),
 ) -> Inherited | None:
-    """Return the effect of the known stage on a friction fit; None for a law without derivatives.
+    """Return the effect of errors of known values on a friction fit; None for a law without derivatives.
 
-    `stages` are alternatives of the stage that its recordings allow as well.
+    Args:
+        fit: friction fit.
+        fitted: walks of the fit.
+        stage: fit of the stage, with its covariance; None without steps.
+        slew_rate: slew rate of the amplifier, V/s; None if unknown.
+        stages: alternative stages, each identified without a part of the recordings of hysteresis.
     """
     if fit.model is None or not has_slopes(fit.model):
         return None
@@ -136,7 +162,8 @@ def inherited(
     stacked = {name: np.concatenate([c[name] for c in columns]) for name in columns[0]}
     jacobian = by_coordinates(stacked, fit)
     held = np.zeros((0, jacobian.shape[1]))
-    if stage is not None and freed(fit):  # the steps' information on the stage, as in the fit
+    # If the stage was fitted, too, its information from the steps is a prior, as it was in the fit.
+    if stage is not None and freed(fit):
         held = np.zeros((len(freed(fit)), jacobian.shape[1]))
         own = [[p.name for p in stage.parameters].index(fit.parameters[i].name) for i in freed(fit)]
         known = stage.uncertainty.covariance[np.ix_(own, own)]
@@ -146,7 +173,7 @@ def inherited(
     size = np.linalg.norm(jacobian, axis=0)
 
     def answer(columns: Array) -> Array:
-        """Return the shift of the coordinates with each of the columns [samples, k]."""
+        """Return the shift of the coordinates [coordinates, k] for k changes of the position [samples, k]."""
         columns = np.concatenate([columns, np.zeros((len(held), columns.shape[1]))])
         return -np.linalg.lstsq(jacobian / size, columns, rcond=None)[0] / size[:, None]
 

@@ -16,12 +16,12 @@ from .file import CampaignFile, CellsSpec
 
 
 def check_campaign(file: CampaignFile, folder: Path, cells: Sequence[str]) -> Actuator:
-    """Check model, parameters, requirements, laws and names; returns the model at which the fit starts.
+    """Check a campaign's model, parameters, requirements, laws and names; return the initial model.
 
     Args:
         file: the campaign.
         folder: folder of its relative paths.
-        cells: names of the recordings of the experiment.
+        cells: names of the recordings that the experiment makes; [] without one.
 
     Raises:
         QuantityError: a parameter cannot be free; or a bound, a prior, a requirement or a law is wrong.

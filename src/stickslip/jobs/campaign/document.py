@@ -1,4 +1,4 @@
-"""The report of a campaign."""
+"""Report of a campaign."""
 
 from __future__ import annotations
 
@@ -40,7 +40,10 @@ _ROLE = {"piezo": "hysteresis and creep", "step": "stage", "fit": "friction, fit
 def campaign_document(
     file: CampaignFile, found: CampaignResult, recorded: Sequence[Recorded], *, figures: bool = True
 ) -> Document:
-    """Report a campaign: the procedure, the results, and their uncertainty."""
+    """Return the report of a campaign: procedure, results `found`, and their uncertainty.
+
+    `recorded` are the records of the experiment's runs, [] without an experiment.
+    """
     friction, seen = found.friction, found.verification
     both = intervals_with_systematics(friction, intervals=found.budget.intervals)
     numbers: dict[str, Any] = {
@@ -234,7 +237,10 @@ Bands = Mapping[str, Any]
 
 
 def _bands(file: CampaignFile, found: CampaignResult) -> Bands:
-    """Return the half widths of each walk's bands [m]; empty for a law without derivatives."""
+    """Return the half widths [n] of the 95 % prediction bands of each walk, m, by name of the walk.
+
+    The mapping is empty for a law without derivatives.
+    """
     stages = () if found.hysteresis is None else found.hysteresis.stages
     bands = walk_bands(found.friction, found.inherited, found.walks, file.known_slew_rate, stages)
     names = [one.name for one in found.walks]
@@ -356,7 +362,10 @@ def _walks_picture(
     *,
     whole: bool = False,
 ) -> Picture:
-    """Plot walks and residuals; only their forward part unless `whole`."""
+    """Return the figure `name` of the walks `shown`, measured and predicted, with residuals and bands.
+
+    `said` starts its caption. Unless `whole`, only the first part of each walk (forward) is shown.
+    """
     traces = {}
     for one in shown:
         p = found.verification.predictions[[w.name for w in found.walks].index(one.name)]

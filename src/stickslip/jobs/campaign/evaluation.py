@@ -1,4 +1,4 @@
-"""Evaluation of a campaign's recordings: scale, stage, friction, prediction."""
+"""Evaluation of a campaign's recordings: scale of the sensor, stage, friction, prediction of walks."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 WALKS = ("fit", "verify")
-# Repetitions of the steps' formulas with other noise.
+# Number of repetitions with different noise, from which the errors of the classical step formulas are found.
 _REPETITIONS = 50
 
 
@@ -52,23 +52,26 @@ class CampaignResult(NamedTuple):
     """Results of a campaign.
 
     Attributes:
-        gathered: recordings in the scale of the reference, walks without their drift.
+        gathered: all recordings; positions are in the scale of the reference, and a drift of the sensor is
+            subtracted from walks.
         scale: scale of the sensor; None without a reference.
         stage: fit of the steps; None without steps.
-        formulas: errors of the thesis's formulas, see `step_formula_errors`; None without steps.
-        hysteresis: hysteresis and creep of the stage; None without recordings of it.
-        start: actuator at which the friction fit starts.
+        formulas: errors of the classical formulas for step responses, see `step_formula_errors`; None without
+            steps.
+        hysteresis: hysteresis and creep of the stage; None without recordings with `use: piezo`.
+        start: actuator at which the friction fit starts, with the identified stage.
         friction: fit of the friction.
-        inherited: effect of stage and scale on that fit; None without both, or for a law without derivatives.
+        inherited: effect of errors of the stage, the scale and drifts on the friction fit; None without any
+            of these, or for a law without derivatives.
         budget: error budget of the friction parameters.
         walks: recordings of `verification`, in its order.
-        features: features of the walks, found without a model.
-        chain: signal chain from the model's position to the channel.
-        verification: verification on the walks.
+        features: features of each walk, found without a model, by name; a text says why there are none.
+        chain: signal chain from the model's position to the position channel.
+        verification: prediction of all walks, those of the fit and the others.
         everything: fits to all walks; they show whether one set of values explains all of them.
-        failures: sentences on failures.
+        failures: sentences on unmet requirements, failed fits and failed analyses.
         additional: results of the optional analyses.
-        priors: effect of each prior on the friction fit.
+        priors: effect of each prior on the friction fit; () without priors.
     """
 
     gathered: list[Aligned]
@@ -91,7 +94,10 @@ class CampaignResult(NamedTuple):
 
     @property
     def widened_stage(self) -> Fit | None:
-        """Return the fit of the steps, its intervals widened by the errors of hysteresis and creep."""
+        """Return the fit of the steps, with intervals widened by the errors of hysteresis and creep.
+
+        It is None without steps, and the plain fit without recordings of hysteresis.
+        """
         if self.stage is None or self.hysteresis is None:
             return self.stage
         return self.hysteresis.widened(self.stage)
@@ -104,12 +110,17 @@ def evaluate(
     gathered: Sequence[Aligned],
     progress: Progress,
     folder: Path = Path(),
-    kept: Kept = Kept(),  # noqa: B008  # never changed
+    kept: Kept = Kept(),  # noqa: B008  # immutable
 ) -> CampaignResult:
-    """Fit and verify.
+    """Identify sensor scale, stage and friction in turn, and verify the model on all walks.
 
-    `model` is where the fits start, `folder` the folder of the file, `kept` the finished stages of an earlier
-    run.
+    Args:
+        file: the campaign.
+        model: actuator with the initial values of the fits.
+        gathered: recordings of the campaign, aligned with their drives.
+        progress: called with the current activity and the finished fraction.
+        folder: folder of the relative paths in the file.
+        kept: store of finished stages, from which an interrupted campaign resumes; by default none.
 
     Raises:
         RecordingError: a recording is not suitable.
@@ -193,7 +204,7 @@ def evaluate(
 
 
 def moved(one: Aligned) -> PositionUnderDrive:
-    """Return the recording in the form of the plausibility checks of walks."""
+    """Return position and drive of a recording in the form that the plausibility checks of walks take."""
     position, name = one.recording[POSITION], one.name
     unit = str(position.attrs.get("units", "") or "m")
     drive = driven(one.recording, one.wanted, name)
@@ -206,8 +217,11 @@ def _refuse_inverted(recordings: Sequence[Aligned], model: Actuator) -> None:
 
 
 class _Stage(NamedTuple):
-    """Identified stage of a campaign: its fits, see `CampaignResult`, and `model`, the actuator with the
-    identified values."""
+    """Identified stage of a campaign.
+
+    `hysteresis`, `fit` and `formulas` are as `hysteresis`, `stage` and `formulas` of `CampaignResult`.
+    `model` is the initial actuator with the identified parameters of the stage.
+    """
 
     hysteresis: Hysteresis | None
     fit: Fit | None
@@ -218,7 +232,7 @@ class _Stage(NamedTuple):
 def _stage(
     file: CampaignFile, recordings: Sequence[Aligned], model: Actuator, progress: Progress, kept: Kept
 ) -> _Stage:
-    """Identify hysteresis and creep, then the mode, as far as recordings for them exist."""
+    """Identify hysteresis and creep, then the vibration mode, as far as recordings for them exist."""
     hysteresis = None
     if any(one.use == "piezo" for one in recordings):
         progress("identifying hysteresis and creep", 0.0)
@@ -242,7 +256,10 @@ def _stage(
 def _influence(
     file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, stage: Fit | None, friction: Fit
 ) -> tuple[PriorInfluence, ...]:
-    """Return the effect of the priors, compared with a fit without them."""
+    """Return the effect of each prior on the friction fit, by comparison with a new fit without priors.
+
+    The arguments are those of `_friction`; `friction` is the fit with priors. () if there are no priors.
+    """
     if not file.priors:
         return ()
     alone = _friction(file.model_copy(update={"priors": {}}), fitted, model, stage, diagnose=False)
@@ -294,7 +311,19 @@ def _in_the_minimum_of_all(
     stage: Fit | None,
     kept: Kept,
 ) -> Fit:
-    """Return the fit to some walks; if all walks contradict it, search again from their values."""
+    """Return the friction fit, corrected if it has found another local minimum than the fit to all walks.
+
+    If the values of the fit to all walks are far outside the intervals of the friction fit, the latter is
+    repeated with these values as the initial guess.
+
+    Args:
+        file: the campaign.
+        alone: friction fit to the walks with `use: fit`.
+        everything: fits to all walks.
+        fitted: walks with `use: fit`.
+        stage: fit of the stage; None without steps.
+        kept: store of finished stages.
+    """
     if not contradicted(alone, everything):
         return alone
     near = file.model_copy(update={"hops": 0})
@@ -303,7 +332,7 @@ def _in_the_minimum_of_all(
 
 
 def _advised(file: CampaignFile, found: Explained, walks: Sequence[Aligned]) -> Fit:
-    """Return the fit to all walks with advice on what its model lacks."""
+    """Return the fit to all walks with advice on which term its model lacks."""
     return diagnosed_together(
         found,
         [one.recording for one in walks],

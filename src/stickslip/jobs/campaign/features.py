@@ -1,4 +1,4 @@
-"""Features of the walks without a model: a section of the report, and its numbers."""
+"""Features of walks, such as step sizes, found without a model: report section and numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _UNITS = dict(zip(_WHOLE, ("s", "", "m", "Hz", "1/s"), strict=True))
 
 
 def features_of(walks: Sequence[Aligned]) -> dict[str, xr.Dataset | str]:
-    """Return the features of each walk, or why it has no features."""
+    """Return the features of each walk by name, see `sawtooth_features`; a text says why there are none."""
     found: dict[str, xr.Dataset | str] = {}
     for one in walks:
         try:
@@ -49,7 +49,10 @@ def feature_numbers(features: Mapping[str, xr.Dataset | str]) -> dict[str, Any]:
 
 
 def features_section(features: Mapping[str, xr.Dataset | str]) -> Section:
-    """Return tables of the steps, and of the vibration after the slips."""
+    """Return the report section: tables of the steps and of the vibration after slips.
+
+    `features` is the result of `features_of`.
+    """
     steps, after, missing = [], [], []
     for name, of in features.items():
         if isinstance(of, str):
@@ -121,7 +124,10 @@ def features_section(features: Mapping[str, xr.Dataset | str]) -> Section:
 
 
 def _step_of_peaks(walk: xr.Dataset) -> Number:
-    """Return the mean step of one walk; with error and interval if it has more than one step."""
+    """Return the mean step per slip of one walk, m.
+
+    It has a standard error and a 95 % interval if the walk has more than one step.
+    """
     net, error = float(walk["net_step"]), float(walk["net_step_error"])
     if not math.isfinite(error):
         return Number(net, "m", standard_error=error)

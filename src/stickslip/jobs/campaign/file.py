@@ -1,4 +1,4 @@
-"""Schema of a campaign file."""
+"""Schema of a campaign file, and its reader."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ from ..analysis.file import Pairs, RecordingFile
 from ..analysis.loops import LawChoice
 from ..analysis.model import NamedModel
 
-# `piezo` (slow, to and fro) and `step`: end-effector fixed to the stage; `fit` and `verify`: it walks.
+# Use of a recording. With the end-effector fixed to the stage: `piezo` (slow drive to and fro, for hysteresis
+# and creep) or `step` (for the vibration mode). With a walking end-effector: `fit` (friction) or `verify`.
 Use = Literal["piezo", "step", "fit", "verify"]
 
 
 class CellsSpec(Strict):
-    """Recordings of the experiment whose names match a pattern ("step_*") and no pattern before it."""
+    """Recordings of the experiment whose names match a pattern ("step_*") and no earlier pattern."""
 
     cells: str
     use: Use
 
 
 class OwnRecordingSpec(RecordingFile):
-    """A recording in a user's file, and the drive as in an experiment file.
+    """A recording in a user's file, with its drive as in an experiment file.
 
-    Its channel drive_voltage shows the start of the drive. Without a `waveform` the drive is taken from the
+    The channel drive_voltage shows the start of the drive. Without a `waveform` the drive is taken from the
     recording's attributes or from that channel, see `taken_drive`.
     """
 
@@ -42,13 +43,16 @@ class OwnRecordingSpec(RecordingFile):
     waveform: list[PartSpec] = Field(default_factory=list)
 
 
-# Tags only, not keys of the file; an error message shows them.
+# Names of the two kinds of entries in error messages; they are not keys of the file.
 _CELLS, _OWN = "of an experiment", "of a file"
 
 
 def _kind(one: Any) -> str:
-    """Return the kind of a recording entry, so that errors are reported for this kind only."""
-    if isinstance(one, dict):  # also with a mistyped key
+    """Return the kind of a recording entry, so that errors are reported for this kind only.
+
+    `one` is the entry of the file, or its record.
+    """
+    if isinstance(one, dict):  # a mistyped key such as "cels" is recognised, too
         return _CELLS if "file" not in one and any(did_you_mean(str(key), ["cells"]) for key in one) else _OWN
     return _CELLS if isinstance(one, CellsSpec) else _OWN
 
@@ -59,21 +63,23 @@ RecordingSpec = Annotated[
 
 
 class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", noise=float | str)):
-    """A whole campaign file.
+    """Content of a campaign file.
 
-    Fields beyond those of the model and of `identify_friction`:
+    Fields in addition to those of the model and of `identify_friction`:
 
     - `experiment`: an experiment file that is recorded first.
     - `free`, `bounds`, `priors`: free parameters of the fit, with bounds, and the mean and standard deviation
-      of priors on the contact. Priors are weighed against `noise`, the standard deviation of the position.
-      The report compares the fit with one without priors.
+      of priors on the contact. Priors are weighted relative to `noise`, the standard deviation of the
+      position. The report compares the fit with one without priors.
     - `reference`: a more accurate channel for the clamped position. The position is scaled to it on the
       steps, without the time `settling` after each step. Hysteresis and creep are identified from it, if
       there are recordings for them (use: piezo).
     - `filter`, `slew_rate`: filter of the position channel and slew rate of the amplifier, if known.
-    - `published`: r² of other authors, by recording (and of all steps, "step").
-    - `posterior` (at most `posterior_simulations`), `profiles` of the likelihood, `model_choice` (all models
-      of a walk, or a list of names and of the user's own laws): optional, because they take long.
+    - `published`: r² that other authors have published, by recording ("step": of all steps).
+    - `posterior` (with at most `posterior_simulations` simulations), `profiles` of the likelihood,
+      `model_choice` (true for all models of a walk, or a list of names and of the user's own laws): optional
+      analyses, because they take long.
+    - `require`: requirements such as "r_squared > 0.99" on the prediction of the walks.
     """
 
     title: str
@@ -110,7 +116,11 @@ class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", n
 
 
 def read_campaign(path: Path, changes: Sequence[str] = ()) -> CampaignFile:
-    """Return the content of a campaign file, with changes as for `load_yaml`.
+    """Return the content of a campaign file.
+
+    Args:
+        path: path of the file.
+        changes: changes to its content, as for `load_yaml`.
 
     Raises:
         InputFileError: the file is invalid; the message names the file and the field.

@@ -1,4 +1,7 @@
-"""Preparation of a campaign's recordings for the fits: cut, without bias, in the scale of the reference."""
+"""Preparation of a campaign's recordings for the fits: reading, alignment with their drives, and scaling.
+
+The position is scaled to that of a more accurate reference channel.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +29,16 @@ from .file import CampaignFile, OwnRecordingSpec
 if TYPE_CHECKING:
     import xarray as xr
 
-# s before a step and after its settling over which a level is averaged.
+# Length of the intervals before a step and after its settling over which the position is averaged, s.
 LEVEL = 0.05
 
 
 class SensorScale(NamedTuple):
-    """Ratio of position channel to reference on clamped steps: mean, standard error, single ratios."""
+    """Ratio of the position channel's step height to the reference's, with the end-effector clamped.
+
+    `value` is the mean over the steps, `standard_error` its standard error (0, if there is only one step,
+    which does not show the scatter), and `ratios` are the ratios of the steps.
+    """
 
     value: float
     standard_error: float
@@ -45,15 +52,21 @@ def gather(
     progress: Progress,
     experiment: tuple[ExperimentFile, Path] | None = None,
 ) -> tuple[list[Aligned], list[Recorded]]:
-    """Return all recordings. A user's own files are checked before the experiment is recorded.
+    """Record a campaign's experiment and read the user's own files.
 
+    The user's files are read first, so that errors in them are reported before the experiment is recorded.
     The experiment's recordings go into ``out/recordings``; existing ones are used again.
 
     Args:
-        file, folder: a campaign that passed `check_campaign`, and the folder of its paths.
+        file, folder: a campaign that passed `check_campaign`, and the folder of its relative paths.
         out: the output folder.
-        progress: called with the current recording.
-        experiment: the experiment of the `cells`, and the folder of its paths.
+        progress: called with the current recording and the finished fraction.
+        experiment: the experiment whose recordings the entries `cells` of the file select, and the folder of
+            its relative paths; None without one.
+
+    Returns:
+        The recordings of the campaign in the order of the file, aligned with their drives; and the records of
+        the experiment's runs.
 
     Raises:
         InputFileError: a recording's drive is wrong.
@@ -86,14 +99,24 @@ def gather(
 
 
 def _own(spec: OwnRecordingSpec, file: CampaignFile, folder: Path) -> Aligned:
-    """Read and align a user's recording."""
+    """Return a recording of a user's file, aligned with its drive.
+
+    Args:
+        spec: entry of the recording in the campaign file.
+        file: the campaign.
+        folder: folder of its relative paths.
+
+    Raises:
+        InputFileError: the waveform of the entry is wrong.
+        RecordingError: the file cannot be read, or is not suitable.
+    """
     whole = spec.cut(spec.read(folder))
     try:
         drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
     except QuantityError as error:
         raise InputFileError(f"recordings: {spec.label}: {error}") from error
     try:
-        if drive is None and spec.use != "piezo":  # for piezo recordings every sample of the drive counts
+        if drive is None and spec.use != "piezo":  # hysteresis needs every sample of the drive
             one = aligned_by_itself(whole, spec.label, file.slew_rate)
         else:
             one = aligned(whole, drive, spec.label, file.slew_rate)
@@ -105,15 +128,17 @@ def _own(spec: OwnRecordingSpec, file: CampaignFile, folder: Path) -> Aligned:
 
 
 def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> SensorScale:
-    """Return the ratio of the position channel to a reference, from their changes over each clamped step.
+    """Return the ratio of the position channel to a reference, from the height of each clamped step in both.
 
     Args:
-        steps: with the end-effector clamped.
-        reference: a channel in the unit of the position.
-        settling: s left out after the step.
+        steps: recordings of steps with the end-effector clamped.
+        reference: name of a channel in the unit of the position.
+        settling: time left out after the step, s.
 
     Raises:
-        RecordingError: no step, no such channel, or a level that is too short.
+        RecordingError: there is no step, no such channel, or there are fewer than 10 samples at rest before
+            or after a step.
+        QuantityError: the reference has another unit than the position.
     """
     if not steps:
         raise RecordingError(f"the scale of {POSITION} is taken from clamped steps, and there is none")
@@ -136,9 +161,10 @@ def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Senso
 
 
 def scaled(one: Aligned, scale: float, share: float = 0.0) -> Aligned:
-    """Return the recording with its position divided by the scale.
+    """Return the recording with its position and noise divided by the scale.
 
-    `share` is the reference's relative scale uncertainty, which the position takes over; 0 if unknown.
+    `share` is the relative scale uncertainty of the reference, which the position then has, too; 0 if
+    unknown.
     """
     recording = with_position(one.recording, one.recording[POSITION].values / scale)
     attrs = {k: v for k, v in recording[POSITION].attrs.items() if k != SCALE_UNCERTAINTY}

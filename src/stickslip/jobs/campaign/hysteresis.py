@@ -1,7 +1,7 @@
-"""Hysteresis and creep of a campaign's stage.
+"""Identification of the hysteresis and creep of a campaign's stage.
 
-They are identified first. Their errors are represented by alternative stages, each identified without a part
-of the recordings.
+They are identified before the vibration mode and the friction. Their errors are represented by alternative
+stages, each identified without a part of the recordings (jackknife).
 """
 
 from __future__ import annotations
@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 
 
 class Hysteresis(NamedTuple):
-    """The fit, a straight-line fit to the same recordings, and the alternative stages (actuators)."""
+    """Identified hysteresis and creep of a stage.
+
+    `fit` is the fit, `straight` a fit without hysteresis and creep (position proportional to voltage) to the
+    same recordings, and `stages` are the alternative stages, as actuators.
+    """
 
     fit: Fit
     straight: Fit
@@ -33,7 +37,7 @@ class Hysteresis(NamedTuple):
 
     @property
     def straight_leaves(self) -> float:
-        """Rms residual of the straight line over that of the hysteresis fit."""
+        """Ratio of the rms residual of the straight line to that of the fit with hysteresis and creep."""
         return self.straight.rmse / self.fit.rmse
 
     @property
@@ -43,7 +47,7 @@ class Hysteresis(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Statement on the straight line."""
+        """Words on whether the recordings need hysteresis and creep, for a sentence of the report."""
         does = "does not explain" if self.needed else "explains"
         return (
             f"a stage without hysteresis and creep {does} these recordings: it leaves "
@@ -51,11 +55,17 @@ class Hysteresis(NamedTuple):
         )
 
     def refitted(self, stage_of: Callable[[Actuator], Fit]) -> Hysteresis:
-        """Return the alternative stages with the mode and gain that the steps give for each."""
+        """Return a copy in which each alternative stage has the mode and gain that the steps give for it.
+
+        `stage_of` is the function that fits the steps with the hysteresis of a given actuator.
+        """
         return self._replace(stages=tuple(stage_of(one).model for one in self.stages))
 
     def widened(self, stage: Fit) -> Fit:
-        """Return the fit of the steps with the errors of hysteresis and creep added to its covariance."""
+        """Return the fit of the steps, `stage`, with the errors of hysteresis and creep in its covariance.
+
+        The added covariance is that of the stage's parameters over the alternative stages.
+        """
         at = [i for i, p in enumerate(stage.parameters) if p.name in STAGE_PARAMETERS]
         kept = [stage.parameters[i] for i in at]
         moved = [np.array([p.coordinate(getattr(one, p.name)) for p in kept]) for one in self.stages]
@@ -65,13 +75,22 @@ class Hysteresis(NamedTuple):
 
 
 def hysteresis_of(file: CampaignFile, recordings: Sequence[Aligned], model: Actuator) -> Hysteresis:
-    """Identify hysteresis from the recordings with `use: piezo`; at least one is needed."""
+    """Identify hysteresis and creep from the recordings with `use: piezo`; at least one is needed.
+
+    The observed channel is the campaign's reference, or without one the position.
+    """
     shown = [one for one in recordings if one.use == "piezo"]
     return hysteresis_in([one.recording for one in shown], model, file.reference or POSITION)
 
 
 def hysteresis_in(data: Sequence[xr.Dataset], model: Actuator, observed: str) -> Hysteresis:
-    """Identify hysteresis from slow to-and-fro recordings of the clamped end-effector, channel `observed`."""
+    """Identify hysteresis and creep from recordings of a slow drive to and fro, the end-effector clamped.
+
+    Args:
+        data: recordings with drive_voltage.
+        model: actuator whose gain and piezo model are replaced.
+        observed: name of the channel that shows the displacement.
+    """
     fit = identify_piezo(data, model, observed=observed)
     plain: dict[str, Any] = {"operators": 1, "asymmetric": False, "creep": False}
     plain |= {"delay": fit.values["delay"], "lag": fit.values["lag"]}

@@ -15,7 +15,13 @@ if TYPE_CHECKING:
 
 
 def hysteresis_section(of: Hysteresis, used: Sequence[xr.Dataset], figures: bool) -> Section:
-    """Return the fit with its recordings, and the residual of a stage without hysteresis and creep."""
+    """Return the report section: parameters of the fit, figures, and the need for hysteresis and creep.
+
+    Args:
+        of: identified hysteresis and creep.
+        used: recordings of the fit.
+        figures: True to draw figures.
+    """
     said = f"{of.sentence[0].upper()}{of.sentence[1:]}."
     return Section(
         "Hysteresis and creep",

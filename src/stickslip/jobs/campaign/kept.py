@@ -34,9 +34,10 @@ from .file import CampaignFile
 from .hysteresis import Hysteresis
 
 FOLDER = "stages"
-# Fields that no fit depends on; of recordings, only the content counts.
+# Fields of a campaign file on which no fit depends: a change of them does not discard finished stages. Of the
+# recordings, the content is part of the hash, not the entry in the file.
 _OF_THE_REPORT = {"title", "notes", "experiment", "recordings", "published", "require"}
-# Fields of optional analyses, whose stages have settings of their own.
+# Fields that request optional analyses; each analysis adds its own settings to the hash of its stage.
 _BESIDE = {"posterior", "posterior_simulations", "profiles", "model_choice"}
 
 _TYPES = (Comparison, Explained, Hysteresis, Lack, Posterior, PriorInfluence)
@@ -53,7 +54,7 @@ class Kept(NamedTuple):
 
     folder: Path | None = None
     key: str = ""
-    types: dict[str, type] = {}  # noqa: RUF012  # never changed
+    types: dict[str, type] = {}  # noqa: RUF012  # not changed in place
 
     @classmethod
     def of(
@@ -102,7 +103,7 @@ class Kept(NamedTuple):
         made = compute()
         try:
             text = json.dumps({"key": whole, "stage": packed(made)})
-        except TypeError:  # not a record: it is computed again when needed
+        except TypeError:  # the result cannot be stored: the next run computes it again
             return made
         self.folder.mkdir(parents=True, exist_ok=True)
         with replaced_whole(path) as temporary:
@@ -110,7 +111,15 @@ class Kept(NamedTuple):
         return made
 
     def _read(self, path: Path, key: str) -> tuple[Any] | None:
-        """Read a stage; None if it does not exist or its file is damaged: then it is computed again."""
+        """Return the stored result of a stage in a tuple; None if it must be computed.
+
+        That is so if the file does not exist, is damaged, or has another hash. The tuple distinguishes a
+        stored result None.
+
+        Args:
+            path: file of the stage.
+            key: hash of everything that the stage depends on.
+        """
         types = {one.__name__: one for one in _TYPES}
         try:
             with damaged(GateError, str(path)):
@@ -123,13 +132,13 @@ class Kept(NamedTuple):
 
 
 def own_laws(file: CampaignFile, folder: Path) -> list[type]:
-    """Return the user's own laws that a campaign compares."""
+    """Return the types of the user's own friction laws that a campaign compares; [] without any."""
     choice = [] if isinstance(file.model_choice, bool) else file.model_choice
     return [type(one.candidate(folder).model) for one in choice if not isinstance(one, str)]
 
 
 def _program() -> str:
-    """Return a hash of the package's source."""
+    """Return a hash of the package's Python sources, so that a new version computes all stages again."""
     found = hashlib.sha256()
     root = Path(__file__).parents[2]
     for path in sorted(root.rglob("*.py")):
@@ -138,7 +147,7 @@ def _program() -> str:
 
 
 def _source(law: type) -> bytes:
-    """Return the content of the file that defines a law."""
+    """Return the content of the file that defines a law, or its name if there is no such file."""
     try:
         return Path(inspect.getfile(law)).read_bytes()
     except (OSError, TypeError):
@@ -146,7 +155,7 @@ def _source(law: type) -> bytes:
 
 
 def _parts(one: Aligned) -> Iterable[bytes]:
-    """Yield everything in a recording that a fit depends on."""
+    """Yield everything in a recording on which a fit depends, as bytes for a hash."""
     yield repr((one.name, one.use, one.begin, one.noise, one.forward)).encode()
     for name in sorted(map(str, one.recording.variables)):
         values = one.recording[name]

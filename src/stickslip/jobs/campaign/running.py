@@ -31,14 +31,14 @@ def run_campaign(
     figures: bool = True,
     changes: Sequence[str] = (),
 ) -> Document:
-    """Record (if the file names an experiment), identify and verify.
+    """Run a campaign: record (if the file names an experiment), identify and verify; return the report.
 
     Args:
         path: a campaign file.
         out: the output folder. Recordings of the experiment go into its subfolder `recordings`; existing ones
             are used again. Finished stages go into `stages`, from which an interrupted campaign continues.
         progress: called with the current activity and the finished fraction, from 0 to 1.
-        figures: draw figures.
+        figures: True to draw the figures of the report.
         changes: changes to the file, as for `load_yaml`.
 
     Raises:
@@ -61,11 +61,16 @@ def campaign_of(
     *,
     figures: bool = True,
 ) -> Document:
-    """Run the content of a campaign file, see `run_campaign`; paths are relative to the folder.
+    """Run a campaign whose file has been read; return the report.
 
     Args:
-        file, folder, out, progress, figures: see `run_campaign`.
-        experiment: the experiment of the `cells` if the file names none, and the folder of its paths.
+        file: content of the campaign file.
+        folder: folder of the relative paths in the file.
+        out: output folder.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
+        experiment: if the file names no experiment, the experiment whose recordings the entries `cells` of
+            the file select, and the folder of its relative paths; None: there is none.
+        figures: True to draw the figures of the report.
     """
     if file.experiment is not None:
         path = folder / file.experiment

@@ -1,4 +1,4 @@
-"""Report section on the stage, as identified from steps."""
+"""Report section on the stage as identified from step responses."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _BEFORE = 0.225
 
 
 def unit_of(fit: Fit, name: str) -> str:
-    """Return the unit of a parameter."""
+    """Return the unit of a parameter of a fit, given its name."""
     return next(p.unit for p in fit.shown if p.name == name)
 
 
 def stage_section(file: CampaignFile, found: CampaignResult, figures: bool) -> Section:
-    """Return the fit of the steps, and the values by the classical formulas."""
+    """Return the report section: fit of the steps, and its comparison with the classical formulas."""
     stage = found.stage
     assert stage is not None
     assert stage.predict is not None

@@ -1,4 +1,7 @@
-"""Origin of a campaign's stage in words: from steps, from the friction fit, or taken as known."""
+"""Sentences of the report on the origin of the stage's parameters.
+
+They come from step responses, from the friction fit, or from the initial model; then they are taken as known.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,15 @@ from .budget import freed
 from .evaluation import CampaignResult
 from .file import CampaignFile
 
-# Names of the stage's errors in a budget: identified from steps, or by the friction fit.
+# Headings of the stage's errors in the error budget: stage identified from steps, or by the friction fit.
 FROM_STEPS, FITTED_TOO = "stage from the steps", "stage, fitted too"
 
 
 def stage_words(file: CampaignFile, found: CampaignResult) -> str:
-    """Return the origin of the stage's values, and whether their errors are part of the intervals."""
+    """Return sentences on the origin of the stage's parameters, and on their errors.
+
+    They state whether these errors are part of the intervals of the friction parameters.
+    """
     own = _asked_for(file)
     rest = [name for name in STAGE_PARAMETERS if name not in own]
     said = [f"Of the stage, {_listed(own)} {_is(own)} fitted too."] if own else []
@@ -29,12 +35,12 @@ def stage_words(file: CampaignFile, found: CampaignResult) -> str:
 
 
 def _without_steps(found: CampaignResult, rest: list[str], what: str) -> list[str]:
-    """Return sentences on the origin of the stage's values if the campaign has no recordings of steps.
+    """Return sentences on the origin of the stage's parameters if the campaign has no recordings of steps.
 
     Args:
         found: result of the campaign.
-        rest: names of the stage's values that the friction fit does not identify.
-        what: words for these values, the subject of the sentences.
+        rest: names of the stage's parameters that the friction fit does not identify.
+        what: words for these parameters, the subject of the sentences.
     """
     said = []
     if found.hysteresis is not None and "gain" in rest:
@@ -52,7 +58,11 @@ def _without_steps(found: CampaignResult, rest: list[str], what: str) -> list[st
 
 
 def stage_heading(file: CampaignFile, found: CampaignResult, source: str) -> str:
-    """Return the heading of a source of errors in the table."""
+    """Return the heading of a source of errors in the table of the error budget.
+
+    It is the name of the source, with one exception: if the friction fit itself identified parameters of the
+    stage, without information from steps, "stage from the steps" becomes "stage, fitted too".
+    """
     is_own = source == FROM_STEPS and freed(found.friction) and not _held_by_steps(file, found)
     return FITTED_TOO if is_own else source
 
@@ -71,12 +81,15 @@ def band_words(file: CampaignFile, found: CampaignResult, *, drawn: bool) -> str
 
 
 def _asked_for(file: CampaignFile) -> list[str]:
-    """Return the stage's values that the file makes free in the friction fit."""
+    """Return the names of the stage's parameters that the file makes free or tied in the friction fit."""
     return [name for name in STAGE_PARAMETERS if name in (*file.free, *(file.tied or ()))]
 
 
 def _held_by_steps(file: CampaignFile, found: CampaignResult) -> bool:
-    """Return True if stage and friction were fitted at once, with the steps' information on the stage."""
+    """Return True if stage and friction were fitted at once, with the steps' information on the stage.
+
+    The fit then has free stage parameters that the file does not request.
+    """
     names = {found.friction.parameters[i].name for i in freed(found.friction)}
     return found.stage is not None and bool(names - {*_asked_for(file)})
 
