@@ -1,8 +1,7 @@
-"""Citations: BibTeX for parameter sets, friction laws and recordings.
+"""Citations: BibTeX entries of the sources of parameter sets, friction laws and recordings.
 
-Keys are written in square brackets wherever something comes from a source, for example ``[canudas1995]`` in
-the docstring of a law, and are found there without registration. For a law, its own docstring and the first
-paragraph of its file are searched.
+The docstring of a law contains the keys of its sources in square brackets, for example ``[canudas1995]``,
+where they are found without registration. The first paragraph of the law's file is searched too.
 """
 
 from __future__ import annotations
@@ -29,24 +28,27 @@ def references() -> dict[str, str]:
 
 
 def keys_in(text: str) -> tuple[str, ...]:
-    """Return the known citation keys in square brackets in a text, in order."""
+    """Return the known citation keys in square brackets in a text, each once, in order of appearance."""
     bracketed = " ".join(re.findall(r"\[([^][]*)\]", text))
     return tuple(dict.fromkeys(word for word in re.findall(r"\w+", bracketed) if word in references()))
 
 
 def bibtex(*keys: str) -> str:
-    """Return the entries of the keys, each once; for an unknown key of a user's file, a comment."""
+    """Return the BibTeX entries of citation keys as one text, each once; for an unknown key, a comment."""
     missing = "% [{}] has no entry in the bibliography of stickslip."
     return "\n\n".join(references().get(key, missing.format(key)) for key in dict.fromkeys(keys))
 
 
 def citation_keys(thing: Any) -> tuple[str, ...]:
-    """Return the citation keys of an actuator, slider, law (record or class), recording, parameter set or
-    key.
+    """Return the citation keys of an object.
+
+    Args:
+        thing: an actuator, slider, friction law (record or class) or recording; or a text, the name of a
+            parameter set or a citation key itself.
 
     Raises:
-        ParameterSetError: a name that is neither a key nor a parameter set.
-        TypeError: the object has no sources.
+        ParameterSetError: the text is neither a citation key nor the name of a parameter set.
+        TypeError: an object of this type has no sources.
     """
     if isinstance(thing, str) and thing in references():
         return (thing,)
@@ -69,7 +71,7 @@ def citation_keys(thing: Any) -> tuple[str, ...]:
 
 
 def cite(*things: Any) -> str:
-    """Return BibTeX of the given objects, each entry once; without arguments, of the whole bibliography.
+    """Return the BibTeX entries of objects as one text, each once; without arguments, the whole bibliography.
 
     Args:
         things: actuators, laws, recordings, names of parameter sets, citation keys.
@@ -82,5 +84,5 @@ def cite(*things: Any) -> str:
 
 
 def print_citations(*things: Any) -> None:
-    """Print what `cite` returns."""
+    """Print the BibTeX entries that `cite` returns for the same arguments."""
     print(cite(*things))

@@ -1,4 +1,4 @@
-"""Parameter sets: TOML files, one per published source, read into plain data and built into records.
+"""Parameter sets: TOML files of published or own values, read into plain data and built into records.
 
 A file has ``title``, ``citations`` (keys of references.bib), ``kind`` and one table per value::
 
@@ -11,7 +11,7 @@ A file has ``title``, ``citations`` (keys of references.bib), ``kind`` and one t
 A value that the source does not print has ``assumed = true`` and a ``reason``. ``[friction]`` names its law,
 ``law = "LuGre"``, or one in a file of the user's own beside it, ``law = "my_law.py:MyLaw"``, and has the
 law's fields as tables below it. ``[reported.*]`` contains further numbers of the source, such as a
-coefficient of determination. A user's own file is read by its path.
+coefficient of determination. Sets of the package are read by name, a user's own by the path of its file.
 """
 
 from __future__ import annotations
@@ -28,23 +28,25 @@ from ..quantities.units import ANGLE, LENGTH, QuantityError, to_si
 
 T = TypeVar("T")
 
-# largest size in bytes of a parameter set, a bench or a part; the largest of the package has 7,000
+# Largest size in bytes of a parameter set, a bench or a part; the package's largest file has some 5,000.
 MOST_SET_BYTES = 100_000
 
 _SETS = Path(__file__).parent / "sets"
-# Fields of `physics.piezo.Piezo`; each is a table of a set.
+# Fields of `physics.piezo.Piezo`; each is a table ``[piezo.NAME]`` of a parameter set.
 PIEZO_PARTS = ("hysteresis", "creep")
 _KINDS = ("actuator", "pulled_slider", "friction")
 _TOP = {"title": str, "citations": list, "kind": str}
 
 
 class ParameterSetError(QuantityError):
-    """Error: a parameter file cannot be found or read, or a value in it is wrong; the message names file and
-    field."""
+    """A parameter file cannot be found or read, or a value is wrong. The message names file and field."""
 
 
 class SetEntry(NamedTuple):
-    """One value of a parameter set and its source."""
+    """One value of a parameter set, in `unit`, with its source.
+
+    A value that no source states is `assumed`, for a `reason`. Texts that the file does not give are "".
+    """
 
     value: float | bool | list[float]
     unit: str = ""
@@ -55,20 +57,24 @@ class SetEntry(NamedTuple):
     note: str = ""
 
     def to(self, unit: str) -> float:
-        """Return the value in the given SI unit; raise QuantityError if it has another dimension."""
+        """Return the value, a single number, in an SI unit. Raises QuantityError for another dimension."""
         return to_si(_with_unit(self.value, self.unit, unit), unit)
 
 
 class PiezoPart(NamedTuple):
-    """A part of a piezo as read from a file: the name of its model, and its values."""
+    """Hysteresis or creep of a piezo as read from a file: name of the model, and its values by field."""
 
     model: str
     values: dict[str, SetEntry]
 
 
 class ParameterSet(NamedTuple):
-    """A parameter file as read. `name` is the name or path from which it was loaded, `law` the name of the
-    friction law."""
+    """Content of a parameter file.
+
+    `name` is the name or path by which it was loaded. `values` are the entries of the actuator by field,
+    `friction` those of the friction law named `law`, and `reported` further numbers of the source. `piezo`,
+    `modes` and `normal_force` are the optional parts of the actuator, empty if the file has none.
+    """
 
     name: str
     file: Path
@@ -89,7 +95,7 @@ class ParameterSet(NamedTuple):
         return "rotary" in self.values and self.values["rotary"].value is True
 
     def entries(self) -> dict[str, SetEntry]:
-        """Return all values of the record, by name; those of friction as "friction.sigma_0"."""
+        """Return all values except the reported ones, by name; those of a part as "friction.sigma_0"."""
         found = self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
         for name, part in self.piezo.items():
             found |= {f"piezo.{name}.{field}": entry for field, entry in part.values.items()}
@@ -104,13 +110,13 @@ def available_sets() -> tuple[str, ...]:
 
 
 def load_set(name: str | os.PathLike[str]) -> ParameterSet:
-    """Read a parameter set.
+    """Read a parameter set and return its content.
 
     Args:
         name: the name of a set that comes with the package, or the path of a TOML file.
 
     Raises:
-        ParameterSetError: there is no such set, or the file is not as described above.
+        ParameterSetError: there is no such set, or the file is not as the module describes.
     """
     text = os.fspath(name)
     file = Path(text)
@@ -136,10 +142,16 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 
 def named_file(name: str | os.PathLike[str], folder: Path, noun: str) -> Path:
-    """Return the TOML file with a name: a file in a folder of the package, or the path itself.
+    """Return the path of a TOML file of the package, or of a user.
+
+    Args:
+        name: name of a file in `folder` without its ending; or a path that ends in ".toml", which is
+            returned unchecked.
+        folder: folder of the package.
+        noun: kind of the file, for the message.
 
     Raises:
-        ParameterSetError: there is no such file; `noun` names its kind in the message.
+        ParameterSetError: the folder has no file with this name.
     """
     file = Path(name)
     if file.suffix == ".toml":
@@ -208,12 +220,21 @@ def _checked(name: str, file: Path, content: dict[str, Any]) -> ParameterSet:
 
 
 def read_entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, SetEntry]:
-    """Return the values of a file's tables after checks, by prefix + key; raise ParameterSetError."""
+    """Return the checked values of a file's tables, by key of the table.
+
+    Args:
+        file: path of the file, for errors.
+        prefix: names of the tables above, such as "friction.", for errors.
+        tables: content of each table by key.
+
+    Raises:
+        ParameterSetError: a table is no table, has unknown or wrong items, or lacks its value.
+    """
     return {key: _entry(f"{file}: [{prefix}{key}]", table) for key, table in tables.items()}
 
 
 def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, PiezoPart]:
-    """Return the tables ``[piezo.hysteresis]`` and ``[piezo.creep]``, each with the name of its model."""
+    """Return the parts of a piezo in a file, by name, from the content of its table ``[piezo]``."""
     parts = {}
     for name, content in table.items():
         if name not in PIEZO_PARTS or not isinstance(content, dict):
@@ -231,8 +252,10 @@ def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, PiezoPart]:
 def _known(kind: registry.Kind, name: str, file: Path, field: str) -> None:
     """Check the name of a law or a piezo model. No user's file is executed.
 
+    `kind` is the registry of laws or of piezo models; `file` and `field` contain the name.
+
     Raises:
-        ParameterSetError: the name is unknown, or names a file that a set may not use.
+        ParameterSetError: the name is unknown, or names a Python file that the set may not use.
     """
     path, _ = registry.own_path(name)
     try:
@@ -245,7 +268,8 @@ def _known(kind: registry.Kind, name: str, file: Path, field: str) -> None:
 
 
 def _run(kind: registry.Kind, name: str, file: Path, field: str) -> Any:
-    """Return a law or a piezo model by name; a user's own file is executed. Raises ParameterSetError."""
+    """Return a law or a piezo model by name; a user's own file is executed. Arguments and error are those of
+    `_known`."""
     try:
         return kind.find(name, file.parent)
     except registry.RegistryError as error:
@@ -280,8 +304,10 @@ def _entry(where: str, table: Any) -> SetEntry:
 
 
 def _with_unit(value: Any, unit: str, si_unit: str) -> Any:
-    """Return the value for `to_si`: the bare number if its unit is the SI one, which avoids importing
-    pint."""
+    """Return a value as `to_si` takes it: a text with its unit, but the bare number if that is the SI unit.
+
+    A bare number needs no import of pint, which is slow. A list gives a list.
+    """
     if isinstance(value, list):
         return [_with_unit(number, unit, si_unit) for number in value]
     if isinstance(value, bool) or unit == si_unit:
@@ -300,14 +326,14 @@ def _numbers(value: Any, unit: str, field: str) -> Any:
 def build(
     record_type: type[T], entries: dict[str, SetEntry], where: str, turns: bool = False, **given: Any
 ) -> T:
-    """Return a record from the entries of a parameter set.
+    """Return a record with the values of a parameter set.
 
     Args:
-        record_type: the record.
-        entries: value and provenance by field name.
+        record_type: class of the record.
+        entries: values with their units and sources, by field.
         where: name of the file, for errors.
-        turns: True if the values have rotary units.
-        given: fields that do not come from entries.
+        turns: True if the values have the units of a rotary model.
+        given: values of further fields by name, which the set does not give.
 
     Raises:
         ParameterSetError: a field is unknown, missing, of the wrong dimension or out of range.
@@ -336,15 +362,14 @@ def build(
 
 
 def friction_of(parameters: ParameterSet) -> Any:
-    """Return the friction law of a parameter set as a record; raise ParameterSetError for invalid values, as
-    `build` does."""
+    """Return the friction law of a parameter set as a record. Raises ParameterSetError, as `build`."""
     law = _run(registry.laws, parameters.law, parameters.file, "[friction] law")
     return build(law, parameters.friction, f"{parameters.file}, [friction]", parameters.rotary)
 
 
 def piezo_parts(parameters: ParameterSet) -> dict[str, Any]:
-    """Return the piezo models of a parameter set, by the field of `Piezo`; raise ParameterSetError for
-    invalid values, as `build` does."""
+    """Return the piezo models of a parameter set as records, by field of `Piezo` ("hysteresis", "creep").
+    Raises ParameterSetError, as `build`."""
     return {
         name: build(
             _run(registry.piezos, part.model, parameters.file, f"[piezo.{name}] model"),
@@ -365,7 +390,8 @@ def load_friction(name: str | os.PathLike[str]) -> Any:
 
 
 def load_kind(name: str | os.PathLike[str], kind: str) -> ParameterSet:
-    """Return a parameter set as `load_set` does; raise ParameterSetError unless it is of this kind."""
+    """Return a parameter set as `load_set` does; raise ParameterSetError unless its kind is `kind`, which is
+    "actuator", "pulled_slider" or "friction"."""
     parameters = load_set(name)
     if parameters.kind != kind:
         raise ParameterSetError(f"{parameters.file} is of kind {parameters.kind!r}, not {kind!r}")

@@ -1,4 +1,4 @@
-"""Origin of a record's values: the parameter set, an assumption of the set, or a later change."""
+"""Origin of a record's values: a source, an assumption of the parameter set, or a change after loading."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from .load import ParameterSet
 
 
 def flat(record: Any) -> dict[str, Any]:
-    """Return the values of a record by field. A nested record gives its name, and its own fields as
-    "friction.sigma_0"."""
+    """Return the values of a record by field, except its name.
+
+    A nested record gives the name of its type ("friction": "LuGre"), and its fields as "friction.sigma_0".
+    """
     values = {}
     for field, value in record._asdict().items():
         if hasattr(value, "_asdict"):
@@ -25,7 +27,11 @@ def flat(record: Any) -> dict[str, Any]:
 
 
 def changes(record: Any, original: Any) -> dict[str, str]:
-    """Return the changes since the record was loaded: field -> new and old value, in words."""
+    """Return the fields of a record that differ from the `original`, as it was loaded from a parameter set.
+
+    Returns:
+        New and old value as a text, by field ("friction.sigma_0").
+    """
     before, now = flat(original), flat(record)
     return {
         field: f"{_shown(record, field)} (in the set: {_shown(original, field)})"
@@ -35,7 +41,16 @@ def changes(record: Any, original: Any) -> dict[str, str]:
 
 
 def unchanged(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
-    """Return the values of a parameter set that a record still has: field -> value, in words."""
+    """Return the values of a parameter set that a record still has.
+
+    Args:
+        record: the record.
+        original: the record as it was loaded from the set.
+        parameters: the set.
+
+    Returns:
+        Value with unit as a text, by field ("friction.sigma_0").
+    """
     before, now = flat(original), flat(record)
     return {
         field: _shown(record, field)
@@ -45,9 +60,12 @@ def unchanged(record: Any, original: Any, parameters: ParameterSet) -> dict[str,
 
 
 def assumptions(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
-    """Return the assumed values of a record: field -> value and reason, in words.
+    """Return the values of a record that its parameter set assumes or gives without a source.
 
-    A value that was changed after loading no longer counts as an assumption.
+    A value that was changed after loading no longer counts. The arguments are those of `unchanged`.
+
+    Returns:
+        Value with unit, and the reason, as a text, by field ("friction.sigma_0").
     """
     before, now = flat(original), flat(record)
     return {
@@ -60,13 +78,13 @@ def assumptions(record: Any, original: Any, parameters: ParameterSet) -> dict[st
 def _same(a: Any, b: Any) -> bool:
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(map(_same, a, b))
-    if isinstance(a, float) and isinstance(b, float):  # the last digit may differ after a unit conversion
+    if isinstance(a, float) and isinstance(b, float):  # a unit conversion may change the last digit
         return math.isclose(a, b, rel_tol=1e-12)
     return a == b
 
 
 def _shown(record: Any, field: str) -> str:
-    """Return the value of a field with its unit, as text."""
+    """Return the value of a field ("friction.sigma_0") with its unit, as text; "none" for None."""
     value = flat(record).get(field)
     if value is None:
         return "none"

@@ -1,4 +1,4 @@
-"""Writing of an actuator as a parameter set, from which `load_actuator` reads the same actuator."""
+"""Writing of an actuator as a parameter set (TOML), from which `load_actuator` reads the same actuator."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ def parameter_text(
     """Return the TOML text of a parameter set.
 
     Args:
-        record: an actuator with numbers in SI.
+        record: an actuator, or another record with a friction law, with numbers in SI.
         title: title of the set.
-        source: origin of the values, written to each of them.
-        errors: standard errors in SI by field, "sigma_0" for friction too; they become notes.
-        kind: kind of the set.
+        source: origin of the values, which becomes the `source` of each value.
+        errors: standard errors in SI by name of the field ("sigma_0", without "friction."); each becomes the
+            `note` of its value.
+        kind: kind of the set, "actuator" or "pulled_slider".
     """
     law = registry.laws.name_of(type(record.friction))
     lines = [f"title = {_text(title)}", "citations = []", f"kind = {_text(kind)}", ""]
@@ -48,7 +49,7 @@ def _tables(
 ) -> Iterator[str]:
     known = quantities_of(record, owner)
     for field, value in record._asdict().items():
-        if field == "rotary" and not value:  # most are not rotary
+        if field == "rotary" and not value:  # the default, false, is not written
             continue
         if isinstance(value, bool):
             shown, unit, symbol = str(value).lower(), None, ""
@@ -78,7 +79,7 @@ def _text(text: str) -> str:
 
 
 def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
-    """Write the text of a parameter set to a new file, and read it as a check.
+    """Write the text of a parameter set to a new file, read the file as a check, and return its path.
 
     Raises:
         FileExistsError: a file with that name exists.

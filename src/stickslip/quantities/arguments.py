@@ -1,5 +1,7 @@
-"""Models of parts of input files whose fields are the arguments of a Python function, so that names, types
-and defaults are declared only there."""
+"""Schemas (pydantic) of parts of input files whose fields are the arguments of a Python function.
+
+Names, types, defaults and descriptions of these fields are thus declared only in the function.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from .input_file import NullIsDefault
 
 
 class ArgumentFields(NullIsDefault):
-    """A part of a file with arguments of a function, as `arguments_of` makes it."""
+    """Base of the schemas that `arguments_of` makes: a part of a file with arguments of a function."""
 
     of_function: ClassVar[tuple[str, ...]] = ()
 
@@ -25,18 +27,18 @@ class ArgumentFields(NullIsDefault):
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """Return the arguments that the file gives, by name."""
+        """Return the arguments that the file gives, by name, without defaults."""
         names = {name for kind in type(self).__mro__ for name in vars(kind).get("of_function", ())}
         return {name: getattr(self, name) for name in sorted(names & self.model_fields_set)}
 
 
 def arguments_of(function: Callable[..., Any], *names: str, **types: Any) -> type[ArgumentFields]:
-    """Return the model of a part of a file that gives some arguments of a function.
+    """Return the schema of a part of a file that gives some arguments of a function.
 
     Args:
-        function: whose arguments have annotations, and a docstring with a part "Args".
-        names: of the arguments that the file gives as the function takes them.
-        types: of further arguments, where a file has a narrower type than the function: an array, say.
+        function: the function; its arguments have annotations, and its docstring has a section "Args".
+        names: names of arguments with the same type in the file as in the function.
+        types: types of further arguments in the file, by name, where they differ from the function's.
 
     Raises:
         TypeError: the function has no such argument.
@@ -62,7 +64,7 @@ def arguments_of(function: Callable[..., Any], *names: str, **types: Any) -> typ
 
 @functools.cache
 def _meanings(function: Callable[..., Any]) -> dict[str, str]:
-    """Return the meaning of each argument, from the docstring."""
+    """Return the meaning of each argument by name, from the section "Args" of the function's docstring."""
     _, _, rest = (inspect.getdoc(function) or "").partition("\nArgs:\n")
     part = re.split(r"\n(?=\S)", rest, maxsplit=1)[0]
     found = {}

@@ -1,4 +1,5 @@
-"""Common rules of input files in YAML: quantities with units, no unknown keys, errors in one line."""
+"""Common rules of input files in YAML, as pydantic schemas: quantities with units, no unknown keys, errors in
+one line."""
 
 from __future__ import annotations
 
@@ -37,15 +38,19 @@ from .units import ANGLE, QuantityError, to_si
 T = TypeVar("T")
 _UNKNOWN = "unknown_field"
 _TAG = ("union_tag_invalid", "union_tag_not_found")
-_NAMED = (_UNKNOWN, *_TAG)  # errors that name the key themselves
+_NAMED = (_UNKNOWN, *_TAG)  # types of errors whose message already names the key
 
 
 class InputFileError(ValueError):
-    """An input file that cannot be used; the message names the file and the field."""
+    """An input file cannot be used. The message names the file and the field."""
 
 
 def quantity(unit: str) -> BeforeValidator:
-    """Makes a field a quantity: a number in SI, or a text with a unit such as "30.7 g"."""
+    """Return the annotation that makes a schema's field a quantity.
+
+    The file gives a number in the SI `unit`, or a text with another unit, such as "30.7 g"; the field is the
+    number in SI.
+    """
 
     def convert(value: Any, info: ValidationInfo) -> float:
         return to_si(value, unit, str(info.field_name))
@@ -58,7 +63,10 @@ Hertz = Annotated[float, quantity("Hz")]
 
 
 class Strict(BaseModel):
-    """A part of a file: unknown keys are errors, and told before anything else, for they explain the rest."""
+    """Base of the schemas of parts of a file, in which unknown keys are errors.
+
+    An unknown key is reported before all other errors, because a mistyped key is often their cause.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -77,7 +85,7 @@ class Strict(BaseModel):
 
 
 class NullIsDefault(Strict):
-    """A part of a file where null is the default of a field."""
+    """Base of the schemas in which null means the default of a field that has one."""
 
     @model_validator(mode="before")
     @classmethod
@@ -89,7 +97,7 @@ class NullIsDefault(Strict):
 
 
 class RecordFields(NullIsDefault):
-    """A part of a file with fields of a record, as `fields_of` makes it."""
+    """Base of the schemas that `fields_of` makes: a part of a file with fields of a record."""
 
     of_record: ClassVar[tuple[str, ...]] = ()
 
@@ -99,21 +107,21 @@ class RecordFields(NullIsDefault):
 
     @property
     def given(self) -> dict[str, Any]:
-        """Return the record's fields that the file gives, by name: arguments of the record."""
+        """Return the values of the record's fields that the file gives, by name, without defaults."""
         return {name: getattr(self, name) for name in self.of_record if name in self.model_fields_set}
 
 
 @functools.cache
 def fields_of(record: type, *names: str) -> type[RecordFields]:
-    """Return the model of a part of a file that gives some fields of a record.
+    """Return the schema of a part of a file that gives some fields of a record.
 
-    Each value is a number, or a text with a unit, in the range that the record declares. A length may be an
-    angle, for the file alone does not say whether its actuator turns: it stays a text until the record is
-    made.
+    Each value is a number, or a text with a unit, in the range that the record declares. Instead of a length
+    the file may give an angle, because it does not say whether its actuator is rotary. Such a text is
+    converted only when the record is made.
 
     Args:
-        record: whose fields say their `Quantity`.
-        names: of the fields; all, if left out. A field without a default must be given.
+        record: class of the record, whose fields declare a `Quantity`.
+        names: names of the fields; by default all. A field without a default must be given.
     """
     hints, known = get_type_hints(record, include_extras=True), fields_with_quantity(record)
     of_record = names or tuple(record._fields)  # type: ignore[attr-defined]
@@ -130,13 +138,14 @@ def fields_of(record: type, *names: str) -> type[RecordFields]:
 
 
 def _default(value: Any) -> Any:
-    """Return a default as pydantic takes it: a schema in JSON can show neither infinity nor a record."""
+    """Return a field's default for pydantic; infinity and records, which JSON lacks, are hidden from the
+    schema."""
     endless = isinstance(value, float) and not math.isfinite(value)
     return Field(default_factory=lambda: value) if endless or hasattr(value, "_fields") else value
 
 
 def _number(name: str, field: RecordField) -> Any:
-    """Return the type of a field with a quantity in a file."""
+    """Return the schema's type of a field of a record that has a `Quantity`: it checks unit and range."""
     quantity = field.quantity
     turned = field._replace(quantity=quantity.along(ANGLE))
 
@@ -168,7 +177,7 @@ def _number(name: str, field: RecordField) -> Any:
 
 
 def _with_parts(kind: Any) -> Any:
-    """Return the type of a field that has no quantity; a record in it is a part."""
+    """Return the schema's type of a field without a `Quantity`; a record in it becomes a `Part`."""
     kinds = [one for one in get_args(kind) or (kind,) if one is not NoneType]
     if len(kinds) > 1 or not hasattr(kinds[0], "_fields"):
         return kind
@@ -177,10 +186,10 @@ def _with_parts(kind: Any) -> Any:
 
 
 class RecordPart:
-    """Marks a field of a file's model as a record: the file gives fields of it, the model has the record.
+    """Annotation of a schema's field that is a record: the file gives the record's fields as a mapping.
 
     Args:
-        without: fields of the record that the file does not give, for they are said elsewhere.
+        without: names of fields of the record that the file does not give here.
     """
 
     def __init__(self, *, without: tuple[str, ...] = ()) -> None:
@@ -199,24 +208,24 @@ class RecordPart:
         )
 
 
-# The type of a field of a file's model that is a record: ``slip: Part[Slip] = Field(default_factory=Slip)``.
+# Type of a schema's field that is a record: ``slip: Part[Slip] = Field(default_factory=Slip)``.
 Part = Annotated[T, RecordPart()]
 
 
 def _as_content(value: Any) -> Any:
-    """Return a record as a file says it."""
+    """Return a value as in a file: a record as a mapping of its fields, infinity and NaN as text."""
     if hasattr(value, "_asdict"):
         return {name: _as_content(one) for name, one in value._asdict().items()}
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def load_yaml(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict[str, Any]:
-    """Return the content of a YAML file.
+    """Return the content of a YAML file, with changes.
 
     Args:
-        path: of the file.
-        changes: "FIELD=VALUE" each, as ``--set`` takes them: dots separate fields within fields, parts of a
-            list are numbered from 0, values are YAML ("recordings.0.use=verify").
+        path: path of the file.
+        changes: texts "FIELD=VALUE", as for ``--set``. Dots separate nested fields, the elements of a list
+            are numbered from 0, and values are YAML ("recordings.0.use=verify").
 
     Raises:
         InputFileError: the file cannot be read, is no YAML, or is no mapping; a change names no place in it.
@@ -234,8 +243,11 @@ def load_yaml(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict
 
 
 def _change(content: dict[str, Any], change: str) -> None:
-    """Set one value, given as "FIELD=VALUE", in the content of a file; missing mappings on the way are
-    created."""
+    """Set one value in the content of a file, as `load_yaml` describes; create missing mappings on the way.
+
+    Raises:
+        InputFileError: the text is not "FIELD=VALUE", or its field is no place in the content.
+    """
     try:
         name, text = assignment("--set", change, "FIELD=VALUE, or FIELD.FIELD=VALUE")
         value = yaml_mapping(f"value: {text}", f"--set {change}")["value"]
@@ -247,7 +259,7 @@ def _change(content: dict[str, Any], change: str) -> None:
 
 
 def yaml_mapping(text: bytes | str, source: str) -> dict[str, Any]:
-    """Return the content of a YAML text; `source` is what errors call it.
+    """Return the content of a YAML text; `source` is its name in errors.
 
     Raises:
         InputFileError: the text is no YAML, or no mapping.
@@ -269,27 +281,27 @@ def _mapping(found: Any, source: str) -> dict[str, Any]:
 
 
 def yaml_text(content: dict[str, Any]) -> str:
-    """Return the content of a file as YAML text, in its order."""
+    """Return the content of a file as YAML text, with the keys in their given order."""
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
 def explain(
     path: str | os.PathLike[str], error: ValidationError, inside: str = "", *, content: Any
 ) -> InputFileError:
-    """Return an error for a file: the first mistyped key, or else the first error of the schema, in one line.
+    """Return an error for a file in one line: the first unknown key, or else the first error of the schema.
 
     Args:
         path: path of the file.
         error: errors of the schema.
         inside: place of the content in the file, such as "steps.0.".
-        content: content that was checked; its keys name the place.
+        content: content that was checked; only keys that it contains are shown as the place of the error.
     """
     found = error.errors(include_url=False)
     first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
     place = _keys(content, first["loc"]) + [
         str(part) for part in first["loc"][-1:] if first["type"] == "missing"
     ]
-    # A file that does not say its kind is wrong as a whole: there is no field to name.
+    # Without a place the error is that of the whole file, such as a missing "kind".
     where = (inside + ".".join(place)).rstrip(".") or ("" if first["type"] in _NAMED else "kind")
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     message = f"{reason(first)}{more}"
@@ -299,7 +311,7 @@ def explain(
 
 
 def _other_command(content: Any) -> str:
-    """Return a hint to the command for the kind of file that the keys show; "" if they show none."""
+    """Return a hint to the command for which a file seems to be written, by its keys; "" if none fits."""
     keys = set(content) if isinstance(content, dict) else set()
     kinds = {
         "study": "measure" in keys,
@@ -314,7 +326,7 @@ def _other_command(content: Any) -> str:
 
 
 def reason(error: Any) -> str:
-    """Return what is wrong by one error of a schema, without its place."""
+    """Return the message of one error of a schema (an item of pydantic's `errors()`), without its place."""
     cause = error.get("ctx", {}).get("error")
     if isinstance(cause, QuantityError):
         return str(cause)
@@ -322,7 +334,7 @@ def reason(error: Any) -> str:
 
 
 def _about_kind(error: Any) -> str:
-    """Return the error in the key that selects the kind of a part; "" for other errors."""
+    """Return the message if the key that selects a part's kind is wrong or missing; "" for other errors."""
     if error["type"] not in _TAG:
         return ""
     key = error["ctx"]["discriminator"].strip("'")
@@ -336,7 +348,7 @@ def _about_kind(error: Any) -> str:
 
 
 def _about_choice(error: Any) -> str:
-    """Return the error in a value that must be one of a few words; "" for other errors."""
+    """Return the message if a value is none of the few allowed words; "" for other errors."""
     if error["type"] != "literal_error":
         return ""
     words = re.findall("'([^']*)'", error["ctx"]["expected"])
@@ -344,8 +356,10 @@ def _about_choice(error: Any) -> str:
 
 
 def _keys(content: Any, place: Sequence[int | str]) -> list[str]:
-    """Return the parts of a schema location that are keys of the content; the other parts name
-    alternatives."""
+    """Return the parts of an error's location that are keys or indices of the content, as texts.
+
+    pydantic's location also has names of alternatives (of a union), which are left out.
+    """
     found = []
     for part in place:
         if (

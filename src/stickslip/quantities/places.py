@@ -1,4 +1,4 @@
-"""Places in nested content, and NAME=VALUE as options of command lines give it."""
+"""Places in nested content of files ("runs.0.name"), and options of command lines of the form NAME=VALUE."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from .units import QuantityError
 
 
 def assignment(option: str, text: str, write: str = "FIELD=VALUE") -> tuple[str, str]:
-    """Return name and value of "NAME=VALUE".
+    """Return name and value of a text "NAME=VALUE", without spaces around them.
 
     Args:
-        option: that it belongs to, for errors.
-        text: as it was given.
-        write: what to write instead of a wrong text.
+        option: the option that has the text as its value, such as "--set"; for the error.
+        text: the text.
+        write: correct form of the text, for the error.
 
     Raises:
         QuantityError: name, equals sign or value is missing.
@@ -27,12 +27,17 @@ def assignment(option: str, text: str, write: str = "FIELD=VALUE") -> tuple[str,
 
 
 def place_of(content: Any, path: Sequence[str | int]) -> tuple[Any, str | int]:
-    """Return the mapping or list that contains a place, and the key of the place in it.
+    """Return the mapping or list that contains a place, and the key or index of the place in it.
 
-    Mappings and lists on the way are made where they are missing. The elements of a list are numbered from 0.
+    Missing mappings and lists on the way are created in `content`.
+
+    Args:
+        content: nested mappings and lists.
+        path: keys of mappings and indices of lists (from 0) that lead to the place.
 
     Raises:
-        QuantityError: a list has no such element, or a part of the path is in something without fields.
+        QuantityError: a list has no such element, or the path leads into a value that is neither mapping nor
+            list.
     """
     for part, after in pairwise(path):
         key = _key(content, part)

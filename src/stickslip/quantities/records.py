@@ -1,8 +1,8 @@
-"""Frozen records of physical quantities: the only way in which this package holds parameters.
+"""Records: immutable sets of physical quantities, in which this package keeps all parameters.
 
-A record is a ``typing.NamedTuple`` whose fields say their unit, symbol, meaning and range. The decorator
-`record` makes construction check all of that and accept unit strings. Being a named tuple, the same object
-goes to the engine as it is: there is no second, "fast" copy of any parameter.
+A record is a ``typing.NamedTuple`` whose fields declare unit, symbol, meaning and range. The decorator
+`record` makes construction check the values and accept texts with units. The engine takes the same named
+tuple, so that there is no second, "fast" copy of any parameter.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ from .units import ANGLE, Coordinate, QuantityError, coordinate_of, to_si, with_
 
 T = TypeVar("T")
 
-# Numbers that one call keeps, at most: 1.6 GB in double precision, a fifth of the memory of a small computer.
+# Most numbers that one call may keep: 1.6 GB in double precision, a fifth of 8 GB, a small computer's memory.
 MOST_NUMBERS = 200_000_000
 
-# In words, what values of these kinds are.
+# Descriptions of the allowed values of a type, for errors.
 _PLAIN: dict[Any, str] = {bool: "True or False", str: "a text", NoneType: "None"}
 
 
 class Quantity(NamedTuple):
-    """Unit, symbol, meaning and range of a field: ``Annotated[float, Quantity("N/m", "σ₀", ...)]``.
+    """Unit, symbol, meaning and range of a record's field: ``Annotated[float, Quantity("N/m", "σ₀", ...)]``.
 
-    `minimum` and `maximum` are allowed values, `above` and `below` are the limits just outside the range.
-    Infinity is refused unless it is the `maximum` (or, below zero, the `minimum`).
+    `minimum` and `maximum` are the least and greatest allowed values; values must be greater than `above` and
+    less than `below`. Bounds are in the SI unit; None is no bound. Infinity is refused unless it is the
+    `maximum` (-infinity: the `minimum`).
     """
 
     unit: str
@@ -45,7 +46,7 @@ class Quantity(NamedTuple):
     below: float | None = None
 
     def along(self, coordinate: Coordinate) -> Quantity:
-        """Return the same quantity in a model's coordinate."""
+        """Return the same quantity with the unit for a coordinate: along `ANGLE` a length is in rad."""
         return self._replace(unit=coordinate.unit(self.unit))
 
     def range_text(self) -> str:
@@ -57,7 +58,7 @@ class Quantity(NamedTuple):
         return f"a finite number in {self.unit}" if self.unit else "a finite number"
 
     def allows(self, values: Any) -> Any:
-        """Return whether numbers in SI are in range: a boolean, or an array of booleans."""
+        """Return True for each number in SI that is in range: a boolean, or an array of the same shape."""
         ok = math.isfinite(values) if isinstance(values, float) else np.isfinite(values)
         if self.minimum is not None:
             ok = (ok | (values == self.minimum)) & (values >= self.minimum)
@@ -83,7 +84,7 @@ class Quantity(NamedTuple):
             raise QuantityError(f"{error}: {self.meaning} must be {self.range_text()}") from None
         if not self.allows(number):
             shown = repr(value) if isinstance(value, str) else f"{number:.12g} {self.unit}".strip()
-            endless = math.inf in (self.maximum, -(self.minimum or 0.0))  # then finite is not what it must be
+            endless = math.inf in (self.maximum, -(self.minimum or 0.0))  # infinity is an allowed value
             wrong = "out of range" if endless or math.isfinite(number) else "not finite"
             raise QuantityError(f"{field} = {shown} is {wrong}: {self.meaning} must be {self.range_text()}")
         return number
@@ -94,11 +95,11 @@ SAMPLE_RATE = Quantity("Hz", "f_s", "samples per second", above=0)
 
 
 class Field(NamedTuple):
-    """A field of a record, with its `Quantity`: unit, symbol, meaning and range."""
+    """Declaration of a record's field: its `Quantity`, and whether it may be None or a tuple of values."""
 
     quantity: Quantity
-    optional: bool  # whether None is a value
-    sequence: bool  # a tuple of values, each of them checked
+    optional: bool  # True if None is allowed
+    sequence: bool  # True if the field is a tuple of values, each of which is checked
 
     def check(self, value: Any, label: str) -> Any:
         if value is None and self.optional:
@@ -127,8 +128,7 @@ def fields_with_quantity(record_type: type) -> dict[str, Field]:
 
 @functools.cache
 def _kinds(record_type: type) -> dict[str, Any]:
-    """Return the required kind of each field without a `Quantity`: True or False, a text, a record, or
-    None."""
+    """Return the type of each field that takes only booleans, texts, records or None, by name."""
 
     def known(kind: Any) -> bool:
         return kind in _PLAIN or hasattr(kind, "_fields")
@@ -143,19 +143,24 @@ def quantities(record_type: type) -> dict[str, Quantity]:
 
 
 def quantities_of(one: Any, owner: Any = None) -> dict[str, Quantity]:
-    """Return the `Quantity` of each field of a record; in units of rotation if the record, or its `owner`, is
-    `rotary`."""
+    """Return the `Quantity` of each field of a record, by name.
+
+    Args:
+        one: the record.
+        owner: record to which it belongs, such as the actuator of a friction law. If the owner (by default
+            the record) is `rotary`, the units are those of rotation.
+    """
     of = coordinate_of(one if owner is None else owner)
     return {name: quantity.along(of) for name, quantity in quantities(type(one)).items()}
 
 
 def quantities_within(model: Any) -> dict[str, Quantity]:
-    """Return the quantities of a model and of its friction law."""
+    """Return the `Quantity` of each field of a model and of its friction law, by name of the field."""
     return quantities_of(model) | quantities_of(model.friction, model)
 
 
 def sequences(record_type: type) -> frozenset[str]:
-    """Return the names of the fields that hold several values, each a `Quantity`."""
+    """Return the names of the record's fields that are tuples of values with a `Quantity`."""
     return frozenset(name for name, field in fields_with_quantity(record_type).items() if field.sequence)
 
 
@@ -174,8 +179,12 @@ def of_kind(value: Any, kind: Any, field: str) -> Any:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return a hint for an error about an unknown name, such as the most similar known name; empty if none is
-    similar."""
+    """Return a hint for an error about an unknown word: " (did you mean 'NAME'?)"; "" if no name is similar.
+
+    Args:
+        word: the unknown word.
+        known: the known names.
+    """
     close = get_close_matches(word, list(known), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
@@ -183,8 +192,18 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 def _bind(
     record_type: Any, args: tuple[Any, ...], kwargs: dict[str, Any], specs: dict[str, Field]
 ) -> list[Any]:
-    """Return the value of each field of a record from arguments and defaults; errors name fields, not
-    arguments."""
+    """Return the value of each field of a record, in order, from arguments of its constructor and defaults.
+
+    The values are not checked. Errors name the fields, unlike those of Python.
+
+    Args:
+        record_type: class of the record.
+        args, kwargs: arguments by position and by name.
+        specs: fields with a `Quantity`, for the message about a missing one.
+
+    Raises:
+        QuantityError: an argument is missing, unknown, given twice or one too many.
+    """
     owner, fields = record_type.__name__, record_type._fields
     if len(args) > len(fields):
         raise QuantityError(
@@ -208,7 +227,10 @@ def _bind(
 
 
 def _as_text(self: Any, owner: Any = None) -> str:
-    """Return the fields of a record with units, in one line. ``repr`` shows plain SI numbers, all digits."""
+    """Return a record as text in one line, with units. ``repr`` shows SI numbers with all digits instead.
+
+    `owner` is the record to which it belongs, see `quantities_of`.
+    """
     known, parts = quantities_of(self, owner), []
     for name, value in self._asdict().items():
         quantity = known.get(name)
@@ -225,7 +247,7 @@ def _as_text(self: Any, owner: Any = None) -> str:
 
 
 def _as_html(self: Any) -> str:
-    """Return a table of the fields of a record, and of the records in it, for a notebook."""
+    """Return an HTML table of the fields of a record, and of the records in it, for a notebook."""
     return f"<table><caption>{type(self).__name__}</caption>{''.join(_rows(self, self))}</table>"
 
 
@@ -245,11 +267,12 @@ def _rows(one: Any, owner: Any) -> Iterator[str]:
 
 
 def record(named_tuple: type[T]) -> type[T]:
-    """Make construction of a ``NamedTuple`` check every `Quantity`, and what is a text, True or False, or a
-    record, and run the class's ``_check``, if any.
+    """Decorate a ``NamedTuple`` so that its construction checks all values and converts texts with units.
 
-    A field annotated as a tuple (the elements of a Maxwell-slip law, say) takes any list, each value of it
-    checked; None passes only where the annotation allows it. Records of two types are never equal.
+    Checked are the range of each `Quantity`, the type of texts, booleans and nested records, and what the
+    class's method ``_check``, if there is one, checks. A field annotated as a tuple takes any list, each
+    value of which is checked; None is accepted only if the annotation allows it. A record with ``rotary =
+    True`` has its quantities in units of rotation. Records of different types are never equal.
     """
     specs, kinds = fields_with_quantity(named_tuple), _kinds(named_tuple)
     of_angles = {name: spec._replace(quantity=spec.quantity.along(ANGLE)) for name, spec in specs.items()}
@@ -267,7 +290,7 @@ def record(named_tuple: type[T]) -> type[T]:
             check()
         return made
 
-    __new__.__wrapped__ = plain_new  # type: ignore[attr-defined]  # the signature for help() and for Numba
+    __new__.__wrapped__ = plain_new  # type: ignore[attr-defined]  # gives help() and Numba the signature
 
     def _replace(self: Any, **changes: Any) -> Any:
         return type(self)(**{**self._asdict(), **changes})
@@ -279,7 +302,7 @@ def record(named_tuple: type[T]) -> type[T]:
         return type(self) is type(other) and tuple.__eq__(self, other)  # type: ignore[arg-type]
 
     def __ne__(self: Any, other: object) -> bool:
-        return not self == other  # tuple has its own __ne__, for which a Dahl may equal a LuGre
+        return not self == other  # else tuple's __ne__ compares values only: a Dahl may equal a LuGre
 
     namespace = {
         "__slots__": (),
@@ -300,10 +323,15 @@ def record(named_tuple: type[T]) -> type[T]:
 
 
 def whole(value: Any, field: str, least: int, most: int) -> int:
-    """Return a whole number of any numeric type.
+    """Return a value as a Python integer after checking it.
+
+    Args:
+        value: whole number of any numeric type, such as 3.0.
+        field: name of the value, for the error.
+        least, most: least and greatest allowed value.
 
     Raises:
-        QuantityError: the value is not whole, or out of range; names the field.
+        QuantityError: the value is not whole, or out of range.
     """
     number = math.nan if isinstance(value, str) else to_si(value, "", field)
     if not least <= number <= most or number % 1:
@@ -318,8 +346,8 @@ def refuse_too_many(samples: float, what: str, numbers: int = 10) -> None:
 
     Args:
         samples: number of samples; inf or NaN counts as too many.
-        what: the arguments that ask for them, with their values, for the message.
-        numbers: how many are kept for each sample.
+        what: arguments that lead to the number of samples, with their values, for the message.
+        numbers: how many numbers are kept for each sample.
     """
     most = MOST_NUMBERS // max(numbers, 1)
     if not samples <= most:
@@ -330,10 +358,10 @@ def refuse_too_many(samples: float, what: str, numbers: int = 10) -> None:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Return whether two results have equal contents.
+    """Return True if two results have equal contents.
 
-    Records, dictionaries, arrays and datasets are compared by value (NaN equals NaN), predictors by their
-    arguments.
+    Records, data classes, dictionaries, lists, arrays and data sets are compared by value, where NaN equals
+    NaN, and bound methods by their object and function.
     """
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(one, other, equal_nan=np.asarray(one).dtype.kind in "fc")
@@ -355,7 +383,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def numbers_in(value: Any) -> Iterator[Any]:
-    """Yield all numbers of a record and of the records and tuples in it, in order."""
+    """Yield all values but None of a record and of the records and tuples in it, in order of the fields."""
     if isinstance(value, tuple):
         for inner in value:
             yield from numbers_in(inner)
@@ -364,7 +392,7 @@ def numbers_in(value: Any) -> Iterator[Any]:
 
 
 def with_numbers(value: Any, numbers: Iterator[float]) -> Any:
-    """Return the record with other numbers, in the order of `numbers_in`, unchecked."""
+    """Return a record with other numbers, in the order of `numbers_in`, without checks; None stays None."""
     if isinstance(value, tuple):
         return tuple.__new__(type(value), [with_numbers(inner, numbers) for inner in value])
     return None if value is None else next(numbers)

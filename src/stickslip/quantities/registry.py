@@ -1,14 +1,15 @@
-"""Registry: laws, waveforms, ... by name; the package's, those of other packages, and the user's own.
+"""Registry of friction laws, waveforms, sensors, rigs and so on by name.
 
-A thing is added where it is defined (`register_law`, `waveform.signal.signal_record`, ...). Those of the
-package are found in the files of their room: one file adds one. Those of an installed package are found by an
-entry point, in the group "stickslip.laws", "stickslip.waveforms" and so on. One in a user's own file has the
-name ``path.py:Name``, and its bare name once the file is used (`use_file`).
+An object is registered where it is defined (`register_law`, `waveform.signal.signal_record`, ...). The
+package's own objects are found by importing the modules of their sub-package. Objects of other installed
+packages are found by entry points, in the groups "stickslip.laws", "stickslip.waveforms" and so on. An object
+in a user's own file has the name ``path.py:Name``, and also the name ``Name`` once the file has been run
+(`use_file`).
 
-A user's file is run only where the user names it, on the command line or in Python, or where an input file or
-a parameter set names one in its own folder. Another folder's is run only if the user allowed it (`use_file`),
-and nothing is run within `nothing_run`. Results, fits and recordings hold bare names, and say where a thing
-was from; reading them never runs it.
+A user's file is run only if the user names the file, on the command line or in Python, or if an input file or
+a parameter set in the same folder or above names it. A file in another folder is run only if the user has
+allowed it (`use_file`), and no new file is run within `nothing_run`. Results, fits and recordings contain the
+name and the origin of each object; reading them never runs a user's file.
 """
 
 from __future__ import annotations
@@ -38,26 +39,28 @@ T = TypeVar("T")
 
 _PACKAGE = __name__.partition(".")[0]
 _USING = threading.RLock()
-_USED: dict[str, tuple[str, ModuleType]] = {}  # file -> hash of its content, what it became
-_RUNS: ContextVar[bool] = ContextVar("runs", default=True)  # whether a new file of a user's is run
+_USED: dict[str, tuple[str, ModuleType]] = {}  # path of a user's file -> hash of its content, its module
+_RUNS: ContextVar[bool] = ContextVar("runs", default=True)  # False within `nothing_run`
 
 
 class RegistryError(QuantityError):
-    """A name that is unknown, or a user's file that cannot be used; the message lists what is known."""
+    """A name is unknown or ambiguous, or a user's file cannot be used. The message lists the known names."""
 
 
 class Kind:
-    """Registry of everything of one kind (such as friction laws) by name.
+    """Registry of all objects of one kind, such as friction laws, by name.
 
-    `noun` and `plural` name the kind in messages. `rooms` lists where the package defines such objects: a
-    module, a folder of modules, or "folder.*" and "folder.*.module" for the packages in a folder and a module
-    of each.
+    Args:
+        noun: name of the kind in messages, and its key in results.
+        plural: name of several, and of the entry-point group "stickslip.PLURAL".
+        rooms: where the package defines such objects: "module", "folder" for all modules in a folder,
+            "folder.*" for all packages in it, or "folder.*.module" for one module of each package.
     """
 
     def __init__(self, noun: str, plural: str, *rooms: str) -> None:
         self.noun, self.plural, self._rooms = noun, plural, tuple(f"{_PACKAGE}.{room}" for room in rooms)
-        self._things: dict[str, dict[str, Any]] = {}  # by name, then by where they are from
-        self._called: dict[Any, str] = {}  # the names of those that are not called as they call themselves
+        self._things: dict[str, dict[str, Any]] = {}  # objects by name, then by `origin`
+        self._called: dict[Any, str] = {}  # registered names of classes that differ from their __name__
 
     def add(self, thing: T, name: str = "", maker: Any = None) -> T:
         """Register an object and return it; usable as a decorator of classes.
@@ -66,8 +69,8 @@ class Kind:
 
         Args:
             thing: the object.
-            name: its name; by default its own.
-            maker: the function or class whose file is the origin, if not the object itself.
+            name: name under which it is found; by default its `__name__`.
+            maker: function or class whose file counts as the origin of the object; by default the object.
         """
         place = origin(thing if maker is None else maker)
         if name and isinstance(thing, type):
@@ -81,12 +84,12 @@ class Kind:
         return {name: of[""] for name, of in self._things.items() if "" in of}
 
     def names(self) -> tuple[str, ...]:
-        """Return the names that `find` accepts, except ``path.py:Name``: the package's first, then
-        others'."""
+        """Return the names that `find` accepts, except ``path.py:Name``: first those of the package's own
+        objects, then those of users' files and other packages."""
         return tuple(dict.fromkeys((*self.packaged(), *self._things, *self._installed())))
 
     def all(self) -> Iterator[tuple[str, Any]]:
-        """Yield each name with its object; ambiguous names and installed packages that fail are left out."""
+        """Yield each name with its object. Ambiguous names, and objects that fail to load, are left out."""
         for name in self.names():
             try:
                 yield name, self.find(name)
@@ -98,10 +101,11 @@ class Kind:
 
         Args:
             text: the name.
-            folder: folder of the file that contains the name; None if the user gives the name.
+            folder: folder of the input file that contains the name, in which a user's file must be; None if
+                the user gives the name directly.
 
         Raises:
-            RegistryError: the name is unknown or ambiguous, or the file may not or cannot be used.
+            RegistryError: the name is unknown or ambiguous, or the user's file fails or may not be run.
         """
         path, name = own_path(text)
         if not path:
@@ -135,8 +139,7 @@ class Kind:
         )
 
     def name_of(self, thing_type: type) -> str:
-        """Return the name by which `find` finds a type in another process too; it includes the user's own
-        file."""
+        """Return the name by which `find` finds a type in another process, with the path of a user's file."""
         name, place = thing_type.__name__, origin(thing_type)
         return f"{place}:{name}" if place.endswith(".py") and name not in self._installed() else name
 
@@ -147,11 +150,14 @@ class Kind:
         return {**said, f"{self.noun}_of": place} if place else said
 
     def of_results(self, said: Any) -> Any:
-        """Return the object from what `written` recorded in results; no file is executed for it.
+        """Return the object that results name. No user's file is run for it.
+
+        Args:
+            said: content of the results with the items that `written` returned.
 
         Raises:
-            RegistryError: it is unknown, and the user has to name the file that it is from.
-            KeyError: nothing was recorded.
+            RegistryError: the object is unknown, and the user has to name the file that defines it.
+            KeyError: the results name no object of this kind.
         """
         name, place = str(said[self.noun]), said.get(f"{self.noun}_of")
         if place is None:
@@ -166,15 +172,17 @@ class Kind:
         raise RegistryError(not_run(self.noun, name, str(place)))
 
     def of_client(self, said: Any) -> Any:
-        """Return the type that another program of the same user names; executes the file that the program
-        names."""
+        """Return the type that another program of the same user names, as `written` returned it there.
+
+        The user's file that the program names is run.
+        """
         place = str(said.get(f"{self.noun}_of", ""))
         if place.endswith(".py") and not self.installed(str(said[self.noun])):
             use_file(place)
         return self.of_results(said)
 
     def installed(self, name: str) -> bool:
-        """Return whether an installed package provides the name."""
+        """Return True if another installed package provides an object with this name by an entry point."""
         return name in self._installed()
 
     def _import_rooms(self) -> None:
@@ -198,7 +206,10 @@ class Kind:
 
 
 def not_run(noun: str, name: str, place: str) -> str:
-    """Return the message that explains why a user's own object, named in results, is unknown."""
+    """Return the message that a user's own object, named in results, is unknown since its file was not run.
+
+    `noun` is the kind of the object, such as "law", `name` its name, and `place` the user's file.
+    """
     return (
         f"its {noun} {name} is of {place}, which is not run because a result names it: if you trust it, name "
         f"it yourself, stickslip --use {place} ..., or ss.registry.use_file({place!r}) in Python"
@@ -206,13 +217,16 @@ def not_run(noun: str, name: str, place: str) -> str:
 
 
 def own_path(text: str) -> tuple[str, str]:
-    """Split ``path.py:Name`` into path and name; any other name gives "" and itself."""
+    """Split ``path.py:Name`` into path and name; for any other text return "" and the text."""
     path, colon, name = text.rpartition(":")
     return (path, name) if colon and path.endswith(".py") else ("", text)
 
 
 def origin(thing: Any) -> str:
-    """Return the origin of a class or function: its file, the module of a prompt, or "" for the package."""
+    """Return the origin of a class or function: "" for the package's own, else the path of its file.
+
+    Without a file, as at an interactive prompt, return the name of its module.
+    """
     module = str(getattr(thing, "__module__", ""))
     if module.split(".")[0] == _PACKAGE:
         return ""
@@ -222,8 +236,10 @@ def origin(thing: Any) -> str:
 
 @contextmanager
 def nothing_run() -> Iterator[None]:
-    """Yield a context in which user's files that were not used before are not executed: for reading, listing
-    and citing."""
+    """Forbid to run new files of users within the context, such as while files are only listed or cited.
+
+    Files that were run before stay usable.
+    """
     before = _RUNS.set(False)
     try:
         yield
@@ -232,10 +248,14 @@ def nothing_run() -> Iterator[None]:
 
 
 def allowed_file(path: str, folder: str | os.PathLike[str]) -> Path:
-    """Return the path of a user's file that a file in a folder names.
+    """Return the path of a user's Python file that an input file names.
+
+    Args:
+        path: path of the Python file, relative to the folder or absolute.
+        folder: folder of the input file.
 
     Raises:
-        RegistryError: it is not in that folder, and the user has neither used nor imported it.
+        RegistryError: the Python file is not in that folder, and the user has neither run nor imported it.
     """
     found = Path(folder, path)
     file = found.resolve()
@@ -254,15 +274,16 @@ def allowed_file(path: str, folder: str | os.PathLike[str]) -> Path:
 
 
 def use_file(path: str | os.PathLike[str]) -> ModuleType:
-    """Run a user's own file, once: what it registers is known by name from then on.
+    """Run a user's own Python file once, and return its module. Objects that it registers are then known.
 
-    A file that was edited since is run again. Other files beside it are found as Python always finds them.
+    The file is run again only if its content has changed. A file that Python has already imported is not run.
+    It can import modules only from where Python finds them: the file's own folder is not added.
 
     Args:
-        path: a file of Python.
+        path: the Python file.
 
     Raises:
-        RegistryError: there is no such file, or it fails; says in which line.
+        RegistryError: there is no such file, or it fails; the message names the line.
     """
     file = Path(path).resolve()
     with _USING:
@@ -283,13 +304,17 @@ def use_file(path: str | os.PathLike[str]) -> ModuleType:
 
 
 def used_files() -> tuple[str, ...]:
-    """Return the paths of the user's files used so far, for other processes that need the same."""
+    """Return the paths of the users' files run so far, which other processes need to run too."""
     return tuple(_USED)
 
 
 def check_used(text: str, folder: str | os.PathLike[str] = "") -> None:
-    """Raise RegistryError for a ``path.py:Name`` whose file was not used yet and may not be used from this
-    folder."""
+    """Raise RegistryError if a name is ``path.py:Name`` and its file has not been run by `use_file`.
+
+    Args:
+        text: the name.
+        folder: folder to which the path is relative.
+    """
     path, _ = own_path(text)
     if path and str(Path(folder, path).resolve()) not in _USED:
         raise RegistryError(_not_run_here(text, path))
@@ -300,7 +325,7 @@ def _not_run_here(text: str, path: str = "") -> str:
 
 
 def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
-    # The same name in every process, wherever the file is: records are pickled between processes by name.
+    # The module gets the same name in every process, wherever the file is: pickled records refer to it.
     name = f"own_{file.stem}_{content[:8]}"
     if name in sys.modules:  # a copied file with equal content
         name += f"_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
@@ -321,7 +346,7 @@ def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
 
 
 def _imported(file: str) -> ModuleType | None:
-    """Return the module that Python has already imported from a file, or None."""
+    """Return the module that Python has already imported from a file (resolved path), or None."""
     return next((module for module in list(sys.modules.values()) if _is_of(module, file)), None)
 
 
@@ -357,7 +382,7 @@ def _import_room(room: str) -> None:
 
 @cache
 def _entry_points(path: tuple[str, ...]) -> Any:  # EntryPoints; before Python 3.12 SelectableGroups
-    del path  # part of the key: a folder that is added may hold some
+    del path  # sys.path, only a key of the cache: a folder that is added may contain entry points
     return entry_points()
 
 

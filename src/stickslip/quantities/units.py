@@ -1,7 +1,7 @@
-"""Unit strings at the edge, SI floats inside.
+"""Conversion of values with units, such as "65 V", to floats in SI units, and back to text.
 
 ``to_si("65 V", "V")`` is 65.0 and ``to_si("1.399 N/um", "N/m")`` is 1.399e6; a plain number is taken as SI
-already. Nothing below this module ever sees a unit.
+already. Values are converted where they enter the package, so that all computations use SI numbers.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ Dataset = TypeVar("Dataset")
 
 
 class QuantityError(ValueError):
-    """A value is of the wrong dimension, out of range, or no number. The message names field and unit."""
+    """A value has the wrong dimension, is out of range, or is no number. The message names the field."""
 
 
 _NUMBER = re.compile(
     r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?\b|nan\b)", re.ASCII | re.IGNORECASE
 )
-# pint evaluates powers, so "m^9^9^9^9" would keep it busy for ever: it only sees what has this form.
+# Units of this form only are given to pint, which evaluates powers: "m^9^9^9^9" would keep it busy for ever.
 _TERM = r"\(*[A-Za-zµμΩÅ°%_]+(?:(?:\*\*|\^)[+-]?\d{1,2}|⁻?[¹²³⁴])?\)*"
 _UNIT = re.compile(rf"1?|(?:1?\s*/\s*)?{_TERM}(?:(?:\s*[/*·⋅.]\s*|\s+){_TERM})*")
-LONGEST_UNIT = 60  # characters; the longest unit of an instrument has about 20
+LONGEST_UNIT = 60  # characters of a unit, above which it is refused; those of instruments have up to 20
 
 
 @cache
 def _registry() -> Any:
-    import pint  # slow to import: only for those who write unit strings
+    import pint  # slow to import, so only when a unit needs it
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
 
@@ -52,8 +52,10 @@ def _units(text: str) -> Any:
 
 
 def _radians_per_cycle(units: Any, wanted: Any) -> float:
-    """Return the factor 2π between Hz and rad/s, else 1: pint takes both for 1/s, and would read "525.7 Hz"
-    as 525.7 rad/s."""
+    """Return the factor from `units` to `wanted` that pint omits: 2π from Hz to rad/s, 1/(2π) back, else 1.
+
+    pint takes both for 1/s, and would read "525.7 Hz" as 525.7 rad/s.
+    """
     angle = re.compile("radian|degree|turn|revolution")
     if "hertz" in str(units) and angle.search(str(wanted)):
         return 2.0 * math.pi
@@ -66,8 +68,10 @@ _EXPONENTS = {"": 0, "p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "k
 
 
 def _prefix_power(unit: str, si_unit: str) -> int | None:
-    """Return the power of ten between a unit and the SI unit if they differ in prefixes only ("N/um" and
-    "N/m"), else None. This avoids importing pint, which takes a third of a second."""
+    """Return n if a unit is 10^n SI units by its prefixes alone ("N/um": 6 for "N/m"); else None.
+
+    This avoids importing pint, which takes a third of a second.
+    """
     power, sign = 0, 1
     parts, wanted = re.split(r"([ /])", unit), re.split(r"([ /])", si_unit)
     if len(parts) != len(wanted):
@@ -88,7 +92,10 @@ def _prefix_power(unit: str, si_unit: str) -> int | None:
 
 @lru_cache(maxsize=1024)
 def _parse(text: str, si_unit: str) -> float:
-    """Return the number of a text with a unit, in SI. An error's message is the end of a sentence."""
+    """Return the number of a text with a unit, converted to `si_unit`; without a unit it is in SI already.
+
+    The message of a QuantityError continues the sentence "FIELD = TEXT ...", for the caller to complete.
+    """
     written = _NUMBER.match(text)
     if written is None:
         raise QuantityError("does not start with a number")
@@ -110,7 +117,7 @@ def _parse(text: str, si_unit: str) -> float:
         return float(convert(number, units).to(wanted).magnitude)
     factor = convert(1.0, units).to(wanted).magnitude * _radians_per_cycle(units, wanted)
     power = round(math.log10(factor))
-    if math.isclose(factor, 10.0**power, rel_tol=1e-12):  # then "1.399 N/um" is the very float 1.399e6
+    if math.isclose(factor, 10.0**power, rel_tol=1e-12):  # exact: "1.399 N/um" is the same float as 1.399e6
         return float(Decimal(written[0]).scaleb(power))
     return float(number * factor)
 
@@ -119,13 +126,14 @@ def to_si(value: float | str, unit: str, field: str = "value") -> float:
     """Return a value as a float in an SI unit.
 
     Args:
-        value: a number, taken to be in `unit` already (a NumPy or xarray scalar will do), or a string such as
-            "65 V" or "1.399 N/um". Hz and rad/s are converted into each other with the factor 2π.
-        unit: the SI unit of the field, "" for a plain number.
+        value: a number (or NumPy scalar), taken to be in `unit` already; a string such as "65 V" or
+            "1.399 N/um"; or a scalar of pint or xarray, which is converted if it has a unit. Hz and rad/s are
+            converted into each other with the factor 2π.
+        unit: the SI unit of the result, "" for a plain number.
         field: name of the value in an error.
 
     Raises:
-        QuantityError: the string cannot be read, or is of another dimension, or the value is no number.
+        QuantityError: the string cannot be read or has another dimension, or the value is no number.
     """
     if type(value) is float:
         return value
@@ -157,7 +165,7 @@ def array_si(values: Any, unit: str, field: str = "values") -> NDArray[np.float6
         field: name of the values in an error.
 
     Raises:
-        QuantityError: as `to_si`, of any of them; nested lists have unequal lengths.
+        QuantityError: a value is refused as by `to_si`, or nested lists have unequal lengths.
     """
     own = own_unit(values)
     given: Any = getattr(values, "magnitude", values)
@@ -187,7 +195,7 @@ def array_si(values: Any, unit: str, field: str = "values") -> NDArray[np.float6
 
 
 def own_unit(value: Any) -> str:
-    """Return the unit that an object of xarray or pint has; empty without one."""
+    """Return the unit of an object of xarray (attribute "units") or pint as text; "" for other objects."""
     return str(getattr(value, "attrs", {}).get("units", "")) or str(getattr(value, "units", ""))
 
 
@@ -213,7 +221,7 @@ def with_prefix(value: float, unit: str, digits: int = 4) -> str:
     """
     if value == 0 or not math.isfinite(value) or _TAKES_PREFIX.match(unit) is None:
         return f"{value:.{digits}g} {unit}".strip()
-    rounded = f"{value:.{digits - 1}e}"  # first round, then choose: 999.99 nm to four digits is 1 µm
+    rounded = f"{value:.{digits - 1}e}"  # round before the prefix is chosen: 999.99 nm becomes 1 µm
     most = 0 if unit == "rad/s" else 9
     exponent = min(max(3 * (int(rounded.partition("e")[2]) // 3), -12), most)
     # At least the three digits before the point: "130 nm", never "1.3e+02 nm".
@@ -233,7 +241,7 @@ def with_unit(text: str) -> Any:
     gives a number.
 
     Raises:
-        QuantityError: the text cannot be read; the message is the end of a sentence.
+        QuantityError: the text cannot be read; the message continues the sentence "FIELD ...".
     """
     written = _NUMBER.match(text.strip())
     if written is None:
@@ -242,14 +250,15 @@ def with_unit(text: str) -> Any:
 
 
 def same_dimension(quantity: Any, unit: str) -> bool:
-    """Return whether a quantity of `with_unit` can be expressed in the unit."""
+    """Return True if a quantity, as `with_unit` returns it, has the dimension of the unit."""
     return quantity.dimensionality == _units(unit).dimensionality
 
 
 class Coordinate(NamedTuple):
-    """Length or angle: what the position of a model is, and the units and words that follow from it.
+    """Kind of position of a model, length or angle, with the units and words that follow from it.
 
-    `position` is the unit of positions. `units` and `words` are those that differ from the ones of a length.
+    `position` is the unit of positions, "m" or "rad". `units` replaces units of a linear model ("N" by
+    "N m"), and `words` replaces words ("force" by "torque"); both are empty for a length.
     """
 
     position: str
@@ -257,7 +266,7 @@ class Coordinate(NamedTuple):
     words: Mapping[str, str]
 
     def unit(self, of: str) -> str:
-        """Return a unit in this coordinate from that of a length: along an angle "N s/m" is "N m s/rad"."""
+        """Return the unit that replaces a linear model's unit `of`: for an angle "N s/m" is "N m s/rad"."""
         if not self.units or _OF_ANGLES.search(of):
             return of
         over, slash, under = of.partition("/")
@@ -267,7 +276,8 @@ class Coordinate(NamedTuple):
         return f"{top}{slash}({bottom})" if " " in bottom else f"{top}{slash}{bottom}"
 
     def name(self, of: str) -> str:
-        """Return a name in this coordinate: along an angle "friction force" is "friction torque"."""
+        """Return the name that replaces a linear model's name: for an angle "friction torque" replaces
+        "friction force"."""
         return re.sub("(?:angular )?[a-z]+", lambda word: self.words.get(word[0], word[0]), of)
 
 
@@ -289,18 +299,21 @@ ANGLE = Coordinate(
 
 
 def coordinate_of(what: Any) -> Coordinate:
-    """Return the coordinate of a model, or that of which a text is the unit of positions."""
+    """Return `ANGLE` for a model that is `rotary` or the text "rad", else `LENGTH`."""
     rotary = what == ANGLE.position if isinstance(what, str) else getattr(what, "rotary", False)
     return ANGLE if rotary else LENGTH
 
 
 def unit_for(model: Any, unit: str) -> str:
-    """Return a unit in the coordinate of a model from that of a length."""
+    """Return the unit for a model that corresponds to a linear model's: for a rotary one "rad" for "m"."""
     return coordinate_of(model).unit(unit)
 
 
 def labelled_for(model: Any, made: Dataset) -> Dataset:
-    """Return a data set, labelled as of a length, with the units and names of a model's coordinate."""
+    """Change the units and long names of a linear model's data set to those of a rotary model, in place.
+
+    The data set `made` is returned, unchanged if the model is linear.
+    """
     of, labelled = coordinate_of(model), cast("Any", made)
     for variable in labelled.variables.values():
         for key, own in (("units", of.unit), ("long_name", of.name)):

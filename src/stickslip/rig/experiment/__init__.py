@@ -1,5 +1,5 @@
-"""Experiment files: a YAML file describes the recordings and their rig; running the file makes the
-recordings."""
+"""Experiment files: a YAML file describes a rig and the recordings to make with it; running the file makes
+them."""
 
 from .cells import Cell as Cell
 from .running import Recorded as Recorded

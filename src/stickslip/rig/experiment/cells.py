@@ -31,10 +31,11 @@ MOST_CELLS = 10_000
 
 @dataclass(frozen=True)
 class Cell:
-    """One recording: its name, its settings, and `key`, a hash of these settings.
+    """Settings of one recording of an experiment, and `key`, a hash of these settings.
 
-    `values` are the recording's values of the matrix. `seed` is the seed of the virtual rig's noise,
-    `repeats` the variation of its contact, and `bench` its bench, or "".
+    `run` is the name of the run in the file, and `values` are the recording's values of the matrix. For a
+    virtual rig, `seed` is the seed of the noise, `repeats` the variation of the contact, and `bench` the name
+    or file of the bench, else "".
     """
 
     name: str
@@ -58,13 +59,13 @@ Read = Callable[[Path], Any]
 def cells(
     file: ExperimentFile, folder: Path, laboratory: Laboratory, read: Read = read_recording
 ) -> list[Cell]:
-    """Return the recordings of a file, in order. Nothing is put out.
+    """Return the settings of each recording of a file, in order, after all checks. Nothing is output.
 
     Args:
         file: the experiment file's content.
         folder: folder of the file, for the paths in it.
-        laboratory: the rig.
-        read: reads the recordings from which drives are taken.
+        laboratory: source of the rig, asked for its capabilities only.
+        read: called with a path; returns the recording there, from which a drive is taken.
 
     Raises:
         ValueError: a value is wrong; names the run and the field.
@@ -94,7 +95,7 @@ def cells(
 
 
 def _asked(run: RunSpec) -> Iterator[tuple[dict[str, float | str], int]]:
-    """Return the matrix values and the repeat number of each recording of a run, in order."""
+    """Yield the matrix values by axis, and the number of the repeat from 1, of each recording of a run."""
     for values in itertools.product(*run.matrix.values()):
         for repeat in range(1, run.repeats + 1):
             yield dict(zip(run.matrix, values, strict=True)), repeat
@@ -158,14 +159,14 @@ def _name(run: RunSpec, axes: Mapping[str, float | str], repeat: int) -> str:
 
 
 def _repeats(file: ExperimentFile) -> Repeats:
-    """Return the variation at a file's first run."""
+    """Return the variation of a virtual rig's contact at the first run of a file; none for a real rig."""
     if not isinstance(file.rig, VirtualRigSpec):
         return Repeats()
     return Repeats(file.rig.variation, file.rig.seed, file.rig.first_run, file.rig.irregularity)
 
 
 def _in_name(value: float | str) -> str:
-    """Return a value as part of a file name: "65V", "0.5Hz", "-3"."""
+    """Return a value of the matrix as part of a file name: "65V", "0.5Hz", "-3"; "x" if nothing is left."""
     text = value if isinstance(value, str) else f"{value:g}"
     return re.sub(r"[^A-Za-z0-9.+-]", "", text)[:40].strip(".") or "x"
 
@@ -193,7 +194,7 @@ def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str
 
 
 def limits_of(spec: LimitsSpec, actuator: Actuator) -> Limits:
-    """Return the limits of a file; its voltages default to the actuator's."""
+    """Return the limits of a file; voltages that it does not give are the actuator's, if below 1 MV."""
     given = spec.given
     for name in {*given} & {"min_position", "max_position"}:
         given[name] = to_si(given[name], unit_for(actuator, "m"), f"limits.{name}")
@@ -229,7 +230,17 @@ def _capture(run: RunSpec, can: Capabilities, units: Mapping[str, str]) -> Captu
 def drive_of(
     parts: list[PartSpec], axes: Mapping[str, float | str], folder: Path, read: Read = read_recording
 ) -> Waveform:
-    """Return the waveform of a run, one part after the other. Raises QuantityError, naming the part."""
+    """Return the drive of a run, with one part after the other.
+
+    Args:
+        parts: waveforms, or variables of recordings.
+        axes: values that replace $NAME, by name.
+        folder: folder of the experiment file, for the paths in it.
+        read: called with a path; returns the recording there.
+
+    Raises:
+        QuantityError: a part is wrong; the message has its number.
+    """
     made = []
     for i, part in enumerate(parts):
         try:

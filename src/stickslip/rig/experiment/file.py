@@ -49,18 +49,19 @@ def _shapes(schema: dict[str, Any]) -> None:
     schema |= {"anyOf": [{"enum": made}, {"pattern": r"\.py:\w+$"}]}
 
 
-# Name of a waveform, or a user's own: "my_waveform.py:Staircase", beside the file.
+# Name of a waveform of the package, or of a user's own in a file beside: "my_waveform.py:Staircase".
 Shape = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_shapes)]
 
 
 class VirtualRigSpec(Strict):
-    """The virtual rig: a bench by name or file, and the seed of its noise and of the variations.
+    """A virtual rig: a bench by name or file, and the seed of its noise and of the variations.
 
-    It runs in real time, or as fast as it can. `variation` is the variation from run to run, `irregularity`
-    from step to step. ``irregularity: {}`` gives the values of published stages; without it every step
-    follows the equations.
+    It runs in real time, or as fast as it can. `variation` is the variation of the contact from run to run,
+    `irregularity` that of the steps within a run. ``irregularity: {}`` gives the values of published stages;
+    without it every step follows the equations.
 
-    `first_run` is the number of runs before those of this file, after which noise and variation continue.
+    `first_run` is the number of runs that were made before this file's, so that noise and variation continue
+    instead of starting again.
     """
 
     kind: Literal["virtual"] = "virtual"
@@ -109,9 +110,10 @@ RigSpec = Annotated[
 
 
 class ActuatorSpec(Strict):
-    """The actuator on the virtual rig: a parameter set by name or file, with changed fields.
+    """The actuator on the rig: a parameter set by name or file, with changed fields.
 
-    For a real rig it is only recorded as a note.
+    `change` has fields of the actuator, `friction` fields of its friction law. A virtual rig simulates this
+    actuator. For a real rig it gives the default voltage limits and is stored with the recordings.
     """
 
     set: str = "kang2007"
@@ -120,11 +122,14 @@ class ActuatorSpec(Strict):
 
 
 class LimitsSpec(fields_of(Limits)):
-    """Limits of the output; see `stickslip.rig.Limits`. Voltages default to the actuator's."""
+    """Limits of output and position, as `stickslip.rig.Limits`. Voltages default to the actuator's."""
 
 
 class ChannelSpec(Strict):
-    """A variable of the recordings: an input of the rig, its calibrations by name or file, and a filter."""
+    """A variable of the recordings: an input of the rig, its calibrations by name or file, and a filter.
+
+    With `zero` the mean before the trigger is subtracted.
+    """
 
     input: str
     calibration: list[str] = Field(default_factory=list)
@@ -133,13 +138,16 @@ class ChannelSpec(Strict):
 
 
 class TriggerSpec(fields_of(Trigger, "signal", "edge")):
-    """The channel whose edge triggers the recording, with `level` in the channel's unit."""
+    """Trigger of a recording: the channel `signal` crosses `level` (in the channel's unit) on an `edge`."""
 
     level: Quantity
 
 
 class CaptureSpec(fields_of(Capture, "length", "pre_trigger", "average")):
-    """Length; interval, or samples of the rig per recorded sample; trigger; runs to average."""
+    """Length and start of a recording, and its sampling: either `interval` [s] or `down_sampling`.
+
+    `down_sampling` is the number of samples of the rig per recorded sample.
+    """
 
     interval: Seconds | None = None
     down_sampling: Count | None = None
@@ -147,8 +155,10 @@ class CaptureSpec(fields_of(Capture, "length", "pre_trigger", "average")):
 
 
 class PartSpec(Strict):
-    """A part of the drive: a waveform with its fields, cut off after `duration`, or a variable of a
-    recording."""
+    """A part of the drive: a waveform (`shape`) with its fields, or a `variable` of a recording (`file`).
+
+    The part is cut off after `duration`; by default it is used in full.
+    """
 
     shape: Shape | None = None
     fields: dict[str, Quantity | bool | list[Quantity] | None] = Field(default_factory=dict)
@@ -158,10 +168,11 @@ class PartSpec(Strict):
 
 
 class RunSpec(Strict):
-    """Recordings that differ by the values of the matrix.
+    """Recordings that differ by the values of a matrix.
 
-    $NAME is replaced by the value of this axis, or of this variable of the file. There is one recording for
-    each combination of values, made `repeats` times.
+    `matrix` has the values of each axis by name. Each combination of values is recorded `repeats` times. In
+    the drive, and in changes of the actuator, $NAME is replaced by the value of the axis NAME, or of the
+    variable NAME of the file. `change` has fields of the actuator that differ in this run.
     """
 
     name: Name
@@ -174,7 +185,10 @@ class RunSpec(Strict):
 
 
 class InstrumentSpec(Strict):
-    """An instrument on the control panel, bound to variables; `width` in twelfths of the panel's width."""
+    """An instrument on the control panel that shows or sets variables.
+
+    `width` is in twelfths of the panel's width, `height` in rows.
+    """
 
     kind: Literal["plotter", "input", "display"]
     variables: Annotated[list[str], Field(min_length=1, max_length=12)]

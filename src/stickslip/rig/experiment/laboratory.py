@@ -1,4 +1,4 @@
-"""Laboratories: the rig that an experiment file names, and the process that owns it."""
+"""Laboratories: sources of the rigs that record an experiment file, in this or in another process."""
 
 from __future__ import annotations
 
@@ -30,25 +30,34 @@ from .file import ExperimentFile, OwnRigSpec, VirtualRigSpec
 
 
 class Laboratory(Protocol):
-    """Source of the rigs that record the cells of a file; `home` is the common origin of positions."""
+    """Source of the rigs that record the cells (recordings) of an experiment file.
+
+    `home` is the origin of positions of all cells.
+    """
 
     home: Home
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Return the capabilities of the rig for a cell; nothing is put out."""
+        """Return the capabilities of the rig for a cell with this actuator; nothing is output."""
         ...
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """Return the rig for a cell."""
+        """Return the rig for a cell.
+
+        Args:
+            actuator: the actuator of the cell, for a virtual rig.
+            seed: seed of a virtual rig's noise.
+            repeats: variation of a virtual rig's contact.
+        """
         ...
 
     def close(self) -> None:
-        """Release the rig."""
+        """Release the rig, so that other programs can use it."""
         ...
 
 
 class VirtualLaboratory:
-    """A virtual rig for each cell, all on one bench, computed in this process as fast as possible."""
+    """Laboratory with a new virtual rig for each cell, all on one bench, computed in this process."""
 
     def __init__(self, bench: Bench, real_time: bool = False) -> None:
         self._bench, self._real_time = bench, real_time
@@ -68,11 +77,19 @@ class VirtualLaboratory:
         return made
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing: a rig in this process needs no release."""
 
 
 class HostedVirtualLaboratory:
-    """Virtual rigs in the process that owns the rig of a folder, shared by all its clients."""
+    """Laboratory with virtual rigs in a process of their own, which its clients share.
+
+    Args:
+        bench: the bench.
+        name: name or file of the bench, for the process.
+        real_time: True to deliver samples no sooner than a real rig would.
+        link: connection to the process.
+        own: folder of the process if only this laboratory uses it; `close` removes the folder.
+    """
 
     def __init__(self, bench: Bench, name: str, real_time: bool, link: Link, own: Path | None = None) -> None:
         self._bench, self._name, self._real_time, self._link, self._own = bench, name, real_time, link, own
@@ -83,19 +100,26 @@ class HostedVirtualLaboratory:
         return VirtualRig(actuator, self._bench).capabilities
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """Return the rig, which is opened when it starts."""
+        """Return the rig for a cell. The process opens it when its first run starts."""
         device = virtual_device(actuator, self._name, seed, self._real_time, repeats)
         return HostedRig(self._link, device, self.capabilities(actuator))
 
     def close(self) -> None:
-        """Close the connection, and remove the folder of a process that only this laboratory used."""
+        """Close the connection, and remove the folder of the process if only this laboratory used it."""
         self._link.close()
         if self._own is not None:
             shutil.rmtree(self._own, ignore_errors=True)
 
 
 class RealLaboratory:
-    """One real rig for all cells, owned by a process. The file's actuator is only a note."""
+    """Laboratory with one real rig for all cells, owned by a process of its own.
+
+    The actuator, seed and variation of a cell do not change the rig.
+
+    Args:
+        device: description of the rig, see `description`.
+        link: connection to the process.
+    """
 
     def __init__(self, device: dict[str, Any], link: Link) -> None:
         self._device, self._link = device, link
@@ -105,12 +129,12 @@ class RealLaboratory:
         opened.stop(0.0)  # free for others until something is recorded
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Return the capabilities of the rig."""
+        """Return the capabilities of the rig, whatever the actuator."""
         del actuator
         return self._can
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """Return the rig."""
+        """Return the rig, whatever the cell."""
         del actuator, seed, repeats
         return HostedRig(self._link, self._device, self._can, self._said)
 
@@ -130,13 +154,13 @@ def open_laboratory(
     Args:
         file: the experiment file's content.
         folder: folder of the file, for the paths in it.
-        rigs: folder of the process that owns the virtual rig, which then never runs in this process; by
-            default a new folder.
+        rigs: folder of the process that owns a virtual rig, which then never runs in this process. By
+            default a virtual rig in real time gets a new folder. A real rig has its own folder.
         who: name of this program, shown to others who find the rig in use.
 
     Raises:
-        ParameterSetError: the bench is wrong.
-        RigError: no answer.
+        ParameterSetError: the bench cannot be read.
+        RigError: the process or the rig does not answer.
     """
     who = who or f"a program of {os.environ.get('USER', 'somebody')}"
     if not isinstance(file.rig, VirtualRigSpec):
@@ -163,12 +187,21 @@ def _device(rig: OwnRigSpec, folder: Path) -> tuple[dict[str, Any], Path]:
 
 
 def rigs_of(file: ExperimentFile, virtual: Path, folder: Path) -> Path:
-    """Return the folder of the process that owns a file's rig; `virtual` is that folder for a virtual rig."""
+    """Return the folder of the process that owns the rig of an experiment file.
+
+    Args:
+        file: the experiment file's content.
+        virtual: the folder to return if the rig is virtual.
+        folder: folder of the file, for a user's own back end beside it.
+    """
     return virtual if isinstance(file.rig, VirtualRigSpec) else _device(file.rig, folder)[1]
 
 
 class PlanningLaboratory:
-    """A laboratory for planning only: it asks the rig once for its capabilities."""
+    """Laboratory that only plans: it knows the rig's capabilities and gives no rig to record with.
+
+    A real rig is asked for its capabilities once in the lifetime of the program.
+    """
 
     _known: ClassVar[dict[str, Capabilities]] = {}
 
@@ -187,11 +220,11 @@ class PlanningLaboratory:
             self._bench = load_bench(own_file(file.rig.bench, folder, ".toml"))
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Return the capabilities of the rig for a cell."""
+        """Return the capabilities of the rig for a cell with this actuator."""
         return self._can if self._bench is None else VirtualRig(actuator, self._bench).capabilities
 
     def output(self) -> OutputStage:
-        """Return the output stage of the bench. For a real rig it contains only update rate and step."""
+        """Return the output stage of the bench; of a real rig only its update rate and voltage step."""
         if self._bench is not None:
             return self._bench.output()
         return OutputStage(self._can.update_rate, step=self._can.step)
@@ -201,9 +234,12 @@ class PlanningLaboratory:
         raise RigError("this laboratory only plans")
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing: no rig is held."""
 
 
 def own_file(name: str, folder: Path, suffix: str) -> str | Path:
-    """Return the path beside the experiment file if a name has that ending, else the name."""
+    """Return the path of `name` in `folder` if the name ends in `suffix`, such as ".toml"; else the name.
+
+    A name without the ending is that of an object of the package, such as a bench.
+    """
     return folder / name if name.endswith(suffix) else name

@@ -1,4 +1,4 @@
-"""Run an experiment file: record every missing cell, and save each as soon as it is done."""
+"""Execution of an experiment file: record every missing cell (recording), and save each one at its end."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Watch = Callable[[Cell, Rig], Rig]
 
 
 class Recorded(NamedTuple):
-    """A recording of an experiment: its cell, its file, and whether it existed before."""
+    """A recording of an experiment: its cell (settings) and its file. `kept` is True if it existed before."""
 
     cell: Cell
     path: Path
@@ -157,8 +157,15 @@ def read_experiment(path: str | os.PathLike[str], changes: Sequence[str] = ()) -
 
 
 def check_experiment(content: dict[str, Any], path: str | os.PathLike[str] = "experiment") -> ExperimentFile:
-    """Return the checked content of an experiment file. Raises InputFileError, with `path` as the file's
-    name."""
+    """Return the content of an experiment file, checked against the schema.
+
+    Args:
+        content: content of the YAML file.
+        path: name of the file in errors.
+
+    Raises:
+        InputFileError: a field is wrong; the message names the file and the field.
+    """
     try:
         return ExperimentFile.model_validate(content)
     except ValidationError as error:
@@ -211,7 +218,10 @@ def _recorded(
 
 
 def _make_room(out: Path, files: list[Path], log: _Log) -> None:
-    """Move files with the names of new recordings to the bin: they may belong to somebody else."""
+    """Move existing files with the names of new recordings to the folder `.bin` of `out`, with a warning.
+
+    They are not deleted, because they may be somebody else's data.
+    """
     moved = [str(to_bin(out, file.name)) for file in files if os.path.lexists(file)]
     if moved:
         said = (
@@ -246,7 +256,7 @@ def _measured(
 
 
 def _finished(path: Path, key: str) -> xr.Dataset | None:
-    """Return the recording of a cell if it exists, is whole, and has the cell's key."""
+    """Return the recording in a file if it is complete and has the cell's `key`; else None."""
     if not path.is_file():
         return None
     try:
@@ -257,7 +267,7 @@ def _finished(path: Path, key: str) -> xr.Dataset | None:
 
 
 class _Log:
-    """Log file of lines with the time. A log that cannot be written must not cost a recording."""
+    """Log file; a call appends a line with the time. Errors are ignored: they must not end a recording."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
