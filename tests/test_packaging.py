@@ -55,8 +55,7 @@ def sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def wheel(sdist: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of the source distribution, which has to be enough for it."""
     folder = tmp_path_factory.mktemp("wheel")
-    with tarfile.open(sdist) as archive:
-        archive.extractall(folder, filter="data")
+    subprocess.run(["tar", "-xf", str(sdist), "-C", str(folder)], check=True, timeout=120)
     return build(folder / NAME, folder / "dist", "wheel")
 
 

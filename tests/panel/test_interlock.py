@@ -81,7 +81,7 @@ def test_the_log_says_who_did_what_and_why(controller: httpx.Client, folder: Pat
     rows = controller.get("/history/log", params={"search": "for the log"}).json()["rows"]
     assert {(one["of"], one["what"]) for one in rows} == {("panel", "armed"), ("rig", "armed: the output")}
     assert all(one["who"].startswith("somebody (page ") and one["why"] == "for the log" for one in rows)
-    (changed,) = controller.get("/history/log", params={"search": "limits 90"}).json()["rows"]
+    (changed,) = controller.get("/history/log", params={"search": "limits changed 90"}).json()["rows"]
     assert changed["what"] == "limits changed: max_voltage 100 V -> 90 V"
     assert changed["where"] == "127.0.0.1"
     written = (folder / "log.jsonl").read_text(encoding="utf-8").splitlines()

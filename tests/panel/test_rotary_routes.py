@@ -101,7 +101,9 @@ def test_values_are_refused_in_its_units(client: httpx.Client, choices: dict[str
             assert said in answer.json()["error"]
             assert answer.json()["field"] == "friction.sigma_0"
     known = {one["name"]: one["unit"] for one in client.get("/api/design/fields").json()["rad"]}
-    assert known == {"load": "N m", "voltage": "V", "spread": "N m", "capacitance": "F", "noise": "rad"}
+    units = {"load": "N m", "voltage": "V", "spread": "N m", "capacitance": "F", "noise": "rad", "step": "V"}
+    units |= {"knots": "", "update_rate": "Hz", "points": "", "current": "A", "slew_rate": "V/s"}
+    assert known == units
     asked = model_of(choices, SET) | {"name": "spread", "value": "0.1 N"}
     assert "no N m" in client.post("/api/design/check", json=asked).json()["error"]
 

@@ -108,7 +108,7 @@ def test_a_stop_at_the_end_of_a_run_does_not_last(tmp_path: Path, monkeypatch: p
     statistics = Statistics(hub, journal, tmp_path)
     runner = Runner(hub, Live(hub), journal, tmp_path, None, statistics)  # type: ignore[arg-type]
     monkeypatch.setattr(running, "rigs_of", lambda *_: tmp_path)
-    monkeypatch.setattr(runner, "reach", lambda folder: None)
+    monkeypatch.setattr(runner, "reach", lambda folder: SimpleNamespace(folder=tmp_path))
 
     def loop(progress: object) -> None:
         going.wait(PATIENCE)

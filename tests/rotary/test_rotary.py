@@ -222,7 +222,7 @@ def test_files_fit_and_verify_angles(tmp_path) -> None:
 
     assert "rmse < 5 nm: what was measured is in rad" in run(tmp_path, "verification", "5 nm")[0]
     said, found = run(tmp_path, "verification")
-    assert re.search(r"rms error [\d.]+ µrad\. All of the 2 requirements met", said)
+    assert re.search(r"rms error [\d.]+ µrad\.\sAll of the 2 requirements met", said)
     assert {row["rmse"]["unit"] for row in found["verification"].values()} == {"rad"}
     _, found = run(tmp_path, "walk")
     force = found["parameters"]["coulomb_force"]
