@@ -148,7 +148,7 @@ class Actuator(NamedTuple):
     min_voltage: Annotated[float, Quantity("V", "u_min", "least voltage", minimum=-math.inf)] = -math.inf
     max_voltage: Annotated[float, Quantity("V", "u_max", "greatest voltage", maximum=math.inf)] = math.inf
     blocked_force_per_volt: Annotated[
-        float | None, Quantity("N/V", "E", "force per volt of a static stage that is held")
+        float | None, Quantity("N/V", "E", "force per volt of a static stage that is blocked")
     ] = None
     piezo: Piezo | None = None
     further_modes: StageModes | None = None
@@ -237,7 +237,6 @@ class Actuator(NamedTuple):
         """Return the force of the blocked piezo per volt, N/V: T = C k; for a static stage the field
         `blocked_force_per_volt` [kang2007, eq. 1.2].
 
-
         Raises:
             QuantityError: the stage is static and `blocked_force_per_volt` is not known.
         """
@@ -255,7 +254,6 @@ class Actuator(NamedTuple):
     def state_space(self) -> StateSpace:
         """Return the linear model of the stage from voltage [V] to position [m], without contact, hysteresis
         and creep.
-
 
         It has a pair of states (m, m/s) for each mode; a static stage has only a gain. A commanded charge
         makes the stage stiffer by its `coupling`.
@@ -317,7 +315,7 @@ class Actuator(NamedTuple):
 
 @record
 class StageParts(NamedTuple):
-    """Parts from which `Actuator.from_parts` makes an actuator."""
+    """Masses, stiffnesses and dampings of piezo and stage, for `Actuator.from_parts`."""
 
     piezo_mass: Annotated[float, Quantity("kg", "m_p", "mass of the piezo", minimum=0)]
     stage_mass: Mass

@@ -5,7 +5,7 @@ A stage starts to step when its stroke exceeds the elastic deflection d of the c
 :math:`C(T) = C(300\,\mathrm{K})\,V_{th}(300\,\mathrm{K}) / V_{th}(T)`. The thresholds are those that a
 laboratory set for its ANPx101 and ANPz102 positioners (`THRESHOLDS`), interpolated linearly over ln T.
 
-Valid from 1 K to 300 K, for such positioners. They are settings, not a calibration: expect an error
+Valid from 1 K to 300 K, for such positioners. The thresholds are settings, not a calibration: expect an error
 of a fifth. Friction, capacitance and hysteresis keep their values, although they also change with the
 temperature.
 """

@@ -38,7 +38,7 @@ UNITS = {
     "rms_current": ("A", "rms current"),
     "energy_per_step": ("J", "energy that the amplifier delivers per period"),
     "heat": ("W", "mean loss in the stack"),
-    "temperature_rise": ("K", "temperature of the stack above its surroundings, if it went on like this"),
+    "temperature_rise": ("K", "steady temperature of the stack above its surroundings"),
 }
 # Largest deviation between a drive and the straight lines that approximate it, as a fraction of its
 # peak-to-peak voltage.
@@ -72,7 +72,6 @@ def electrical_demand(
 ) -> dict[str, Array]:
     """Return peak_current and rms_current [A], energy_per_step [J], heat [W] and temperature_rise [K] by
     name, an array [members] each; NaN for members with invalid fields.
-
 
     Args:
         waveform: the common drive.

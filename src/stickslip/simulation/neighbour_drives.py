@@ -55,7 +55,6 @@ def longer(of: Driven, end: float, settled: bool) -> Drive:
 def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float, settled: bool) -> Beside:
     """Return the drive with one slightly changed parameter of the piezo or the waveform.
 
-
     The parameter is increased; if the waveform does not allow that, it is decreased.
 
     Args:

@@ -110,7 +110,6 @@ def find_orbit(
     """Return the periodic orbit of one plant, found from the initial guess `start` of the state; see the
     module.
 
-
     `tolerance` [m] applies to the net step; `slider` is the column of the end-effector's position.
 
     Raises:

@@ -142,7 +142,7 @@ def orbit_blocks(
     beside: Beside | None = None,
     output: OutputStage | None = None,
 ) -> Iterator[tuple[int, OrbitBlock]]:
-    """Yield the orbits of members, block by block, with the number of the first member of each.
+    """Yield the orbits of members, block by block, with the index of the first member of each block.
 
     Args:
         columns: result of `members.checked_columns`; the other arguments as for `steady_steps`.

@@ -43,7 +43,8 @@ def sticking(model: Actuator) -> Sticking:
     Hysteresis and creep of the piezo are left out: its gain is the actuator's.
 
     Raises:
-        QuantityError: the stage follows its drive at once, or the contact has no presliding.
+        QuantityError: the model is not an actuator, its stage is static, its piezo is a `MaxwellCapacitor`,
+            or its contact has no presliding.
     """
     if not isinstance(model, Actuator) or model.static or model.two_port is not None:
         raise QuantityError("a linear model is that of an Actuator whose stage has a natural_frequency")

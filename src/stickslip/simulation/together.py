@@ -67,7 +67,6 @@ class Joined(NamedTuple):
 def joined(actuators: Sequence[Actuator]) -> Joined:
     """Return the common plant of actuators that share one end-effector.
 
-
     Raises:
         QuantityError: an actuator that cannot be joined, or whose end-effector has another mass or force.
     """

@@ -102,8 +102,8 @@ def with_normal_force(model: Any, names: Iterable[str]) -> Any:
 
 
 def piezo_names(model: Any) -> list[str]:
-    """Return the names of the values of an actuator's piezo: "piezo_weight_2", "piezo_share_1",
-    "piezo_capacitance"."""
+    """Return the names of the numbers of an actuator's piezo that may vary, such as "piezo_weight_2",
+    "piezo_share_1" and "piezo_capacitance"; empty without a piezo model."""
     return [name for part in _parts(model) for name in _names_of_part(part)]
 
 
@@ -128,14 +128,14 @@ def _names_of_part(part: Any) -> list[str]:
 
 
 def _part_of(model: Any, name: str) -> Any:
-    """Return the part of the piezo that has the named number, or None."""
+    """Return the record of the piezo (hysteresis or creep) that has the named number; None if neither has
+    it."""
     return next((part for part in _parts(model) if name in _names_of_part(part)), None)
 
 
 def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return all fields of the law, and the changed fields of the model, after setting `values` (numbers by
     name). They are not checked.
-
 
     A field of `RATIOS` that is not among the values keeps its ratio. Values may be arrays of one length.
     """

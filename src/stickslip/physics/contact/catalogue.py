@@ -27,7 +27,7 @@ class Sliding(NamedTuple):
     multiplied by the factor."""
 
     friction_coefficient: Coefficient
-    friction_factor: Annotated[float, Quantity("", "×/÷", "within which 68 % lie", above=1)]
+    friction_factor: Annotated[float, Quantity("", "×/÷", "factor within which 68 % lie", above=1)]
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,6 @@ def backbone(
     """Return the tangential force [N], [n], while a contact is first pushed to the displacements [m] at a
     constant normal force.
 
-
     Args:
         load: function from approaches [m] to normal forces [N], 0 without contact.
         approach: constant approach, m.
@@ -73,7 +72,7 @@ class ExponentialContact(NamedTuple):
 
     normal_force: Load
     decay_length: Annotated[float, Quantity("m", "u_0", "approach by which the load grows e-fold", above=0)]
-    stiffness_ratio: Annotated[float, Quantity("", "k_t/k_n", "of the bodies", above=0)]
+    stiffness_ratio: Annotated[float, Quantity("", "k_t/k_n", "tangential over normal stiffness", above=0)]
     friction_coefficient: Coefficient
 
     @property

@@ -33,7 +33,7 @@ class PreloadSpring(NamedTuple):
     """A spring that presses the contact."""
 
     force: Load
-    stiffness: Annotated[float, Quantity("N/m", "k", "of the spring, across the contact", minimum=0)]
+    stiffness: Annotated[float, Quantity("N/m", "k", "stiffness normal to the contact", minimum=0)]
 
     def normal_force(self, rise: ArrayLike) -> Array:
         """Return the normal force [N] after the seat has risen [m] against the spring.
@@ -62,8 +62,8 @@ class PreloadMagnet(NamedTuple):
     """A magnet that pulls the contact together over an air gap."""
 
     flux_density: Annotated[float, Quantity("T", "B", "remanent flux density", above=0)]
-    area: Annotated[float, Quantity("m^2", "A", "of its face", above=0)]
-    length: Annotated[float, Quantity("m", "L", "of the magnet", above=0)]
+    area: Annotated[float, Quantity("m^2", "A", "area of a pole face", above=0)]
+    length: Annotated[float, Quantity("m", "L", "length of the magnet", above=0)]
 
     def normal_force(self, gap: ArrayLike) -> Array:
         """Return the normal force [N] at an air gap [m]."""

@@ -99,7 +99,6 @@ class ContactPrior:
         """Return independent random draws [count] by name, by default of all parameters, for the `draws` of
         `plan_experiment` and the `parameters` of `simulate_ensemble` and `steady_steps`.
 
-
         Raises:
             QuantityError: there is no prior for a parameter, or the count is invalid.
         """

@@ -27,7 +27,7 @@ from ...quantities.units import QuantityError, array_si, optional_si, to_si
 
 Array = NDArray[np.float64]
 
-# Degree of the polynomial (tilt and bow) that is subtracted from each line of a topography.
+# Degree of the polynomial (tilt and bow) that is subtracted from a line scan, or from a map as a whole.
 FLATTENED = 2
 FEWEST = 8  # smallest number of heights in each direction of a topography
 # Heights that remain after the subtraction of tilt and bow, relative to the largest one, below which they are
@@ -46,8 +46,8 @@ class Roughness(NamedTuple):
     height: Annotated[float, Quantity("m", "h_rms", "root mean square of the heights", above=0)]
     slope: Annotated[float, Quantity("", "h'_rms", "root mean square of the slopes", above=0)]
     curvature: Annotated[float, Quantity("1/m", "h''_rms", "root mean square of the Laplacian", above=0)]
-    longest: Annotated[float, Quantity("m", "λ_l", "longest wavelength in it", above=0)]
-    shortest: Annotated[float, Quantity("m", "λ_s", "shortest wavelength in it", above=0)]
+    longest: Annotated[float, Quantity("m", "λ_l", "longest wavelength", above=0)]
+    shortest: Annotated[float, Quantity("m", "λ_s", "shortest wavelength", above=0)]
 
     def _check(self) -> None:
         if not self.shortest < self.longest:
@@ -186,7 +186,6 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
 
 def of_topography(scan: Any, name: str = "topography") -> Roughness:
     """Return the roughness of a line scan or map of the package SurfaceTopography; `name` is for messages.
-
 
     Raises:
         QuantityError: it has no unit, no lateral scale, or points that were not measured.

@@ -26,7 +26,7 @@ class RunningIn(NamedTuple):
 
     first: Annotated[float, Quantity("N", "F_0", "friction at the beginning", above=0)]
     last: Annotated[float, Quantity("N", "F_∞", "friction at the end", above=0)]
-    path: Annotated[float, Quantity("m", "s_0", "path in which 63 % of it happen", above=0)]
+    path: Annotated[float, Quantity("m", "s_0", "path for 63 % of the change", above=0)]
 
     def force(self, slid: ArrayLike) -> NDArray[np.float64]:
         """Return the friction force F [N] after sliding paths [m], in their shape.

@@ -47,7 +47,7 @@ _OF_ALL = {
     "peak_current": ("A", "greatest current"),
     "rms_current": ("A", "rms current"),
     "mean_loss": ("W", "mean loss"),
-    "steady_temperature": ("K", "temperature if it went on like this"),
+    "steady_temperature": ("K", "final temperature if the run continued"),
 }
 
 

@@ -57,10 +57,10 @@ class Amplifier(NamedTuple):
     high: Annotated[float, Quantity("V", "u_high", "greatest output")]
     output_resistance: Annotated[float, Quantity("ohm", "R_o", "output resistance", minimum=0)] = 0.0
     rms_current: Annotated[
-        float, Quantity("A", "I_rms", "rms current for ever", above=0, maximum=math.inf)
+        float, Quantity("A", "I_rms", "rms current that may flow continuously", above=0, maximum=math.inf)
     ] = math.inf
     peak_duration: Annotated[
-        float, Quantity("s", "t_peak", "time of max_current from rest", above=0, maximum=math.inf)
+        float, Quantity("s", "t_peak", "duration of max_current from rest", above=0, maximum=math.inf)
     ] = math.inf
 
     def _check(self) -> None:
@@ -119,7 +119,6 @@ def amplifier_output(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the output of an amplifier whose input is held constant from sample to sample, as points for
     linear interpolation.
-
 
     Args:
         amplifier: data of the amplifier.

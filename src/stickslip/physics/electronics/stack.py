@@ -74,9 +74,9 @@ class TemperatureDependence(NamedTuple):
     Not valid outside this range: at 4 K the gain is 20 to 30 % of the gain at room temperature [pi2009].
     """
 
-    reference: Annotated[float, Quantity("K", "ϑ_0", "temperature of the values", minimum=0)]
-    gain: Annotated[float, Quantity("1/K", "α_G", "change of the gain")]
-    capacitance: Annotated[float, Quantity("1/K", "α_C", "change of the capacitance")]
+    reference: Annotated[float, Quantity("K", "ϑ_0", "reference temperature", minimum=0)]
+    gain: Annotated[float, Quantity("1/K", "α_G", "relative change of the gain")]
+    capacitance: Annotated[float, Quantity("1/K", "α_C", "relative change of the capacitance")]
     low: Annotated[float, Quantity("K", "ϑ_low", "least temperature", minimum=0)]
     high: Annotated[float, Quantity("K", "ϑ_high", "greatest temperature", minimum=0)]
 

@@ -46,10 +46,10 @@ class MaxwellCapacitor(NamedTuple):
     """
 
     capacitance: Annotated[
-        float, Quantity("F", "C_0", "of the blocked piezo, all elements slipping", above=0)
+        float, Quantity("F", "C_0", "capacitance if blocked, all elements slipping", above=0)
     ]
     stiffnesses: Annotated[tuple[float, ...], Quantity("V/C", "k_i", "voltage per charge of each", above=0)]
-    breakaways: Annotated[tuple[float, ...], Quantity("V", "v_i", "voltage at which each slips", above=0)]
+    breakaways: Annotated[tuple[float, ...], Quantity("V", "v_i", "voltage where elements slip", above=0)]
     charge_drive: bool = False
 
     def _check(self) -> None:

@@ -43,7 +43,7 @@ class PrandtlIshlinskii(NamedTuple):
     weights: Annotated[tuple[float, ...], Quantity("", "w_i", "share of each play", minimum=0)]
     dead_zones: Annotated[tuple[float, ...], Quantity("V", "s_j", "voltage where each dead zone ends")] = ()
     slopes: Annotated[tuple[float, ...], Quantity("", "c_j", "share beyond each dead zone")] = ()
-    skews: Annotated[tuple[float, ...], Quantity("", "d_j", "what plays see more beyond each")] = ()
+    skews: Annotated[tuple[float, ...], Quantity("", "d_j", "more input of plays beyond each")] = ()
 
     def _check(self) -> None:
         for one, other, unit in (("thresholds", "weights", "V"), ("dead_zones", "slopes", "V")):
@@ -128,7 +128,6 @@ class PrandtlIshlinskii(NamedTuple):
 
     def inverse(self, wanted: ArrayLike, rest: float | str = 0.0) -> Array:
         """Return the drive [V], shape (n,), for which `output` equals `wanted` [V]; `rest` as in `output`.
-
 
         Raises:
             QuantityError: no drive gives it, or as `output`.

@@ -34,7 +34,6 @@ def at_piezo(
 ) -> Drive:
     """Return the segment table of the voltage [V] after hysteresis and creep, up to `end` [s].
 
-
     Args:
         piezo: the model; before the drive starts, the piezo has rested for long at `drive.before`, reached
             from 0 V.

@@ -49,7 +49,6 @@ def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cub
         state: state at the start.
         room: number of pieces in the first attempt.
 
-
     Raises:
         QuantityError: more pieces than fit into memory.
     """

@@ -32,7 +32,6 @@ def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bo
     """Return the segment table of the drive [V] after Duhem hysteresis, up to `end` [s]. Before its start,
     the piezo has rested for long at `drive.before`.
 
-
     Args:
         of: model of the hysteresis.
         drive: segment table.
