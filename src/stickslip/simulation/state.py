@@ -1,4 +1,4 @@
-"""State of a trajectory: its start or its end."""
+"""State at the start or end of a trajectory: conversion to and from the solver's numbers."""
 
 from __future__ import annotations
 

@@ -66,7 +66,11 @@ def steady_orbit(
 
 
 def period_of(waveform: Waveform) -> float:
-    """Return the period of a waveform, s; raise `QuantityError` without one, see `steady_orbit`."""
+    """Return the period of a waveform, s.
+
+    Raises:
+        QuantityError: the waveform has no period.
+    """
     period = getattr(waveform, "period", None)
     if period is None:
         raise QuantityError(

@@ -137,7 +137,7 @@ def _known(context: Context, node: ast.Call, function: Any, values: list[Value])
         return None
     if function in _FUNCTIONS:
         name, count = _FUNCTIONS[function]
-        if function is math.log and len(values) == 2:  # logarithm to a base
+        if function is math.log and len(values) == 2:  # log(x, base)
             a, b = (as_real(context, node, value).text for value in values)
             return Value(f"r_log({a}) / r_log({b})", REAL, 2)
         if function is abs and len(values) == 1 and values[0].type in (INT, BOOL):

@@ -167,7 +167,7 @@ def identifier(context: Context, node: ast.AST, name: str) -> str:
 
 def variable(context: Context, node: ast.AST, name: str, kind: Any) -> Value:
     """Return the value of a variable of this type; a tuple is one C variable per part."""
-    if isinstance(kind, Value):  # the name stands for a table
+    if isinstance(kind, Value):  # the variable is another name of a table
         return kind
     text = identifier(context, node, name)
     if isinstance(kind, Tuple):

@@ -21,8 +21,8 @@ from .strain_gauge import Bandwidth, Drift, NoiseDensity
 class InductiveSensor(NamedTuple):
     """Inductive sensor from position to voltage: a nonlinear curve, bandwidth, delay, noise, drift.
 
-    The curve is a cubic spline through `voltages` at `gaps`, and ends with them. `standoff` is the gap at
-    position 0; the gap grows with the position.
+    The curve is a cubic spline through `voltages` at `gaps`; beyond the first and last gap it is constant.
+    `standoff` is the gap at position 0; the gap grows with the position.
     """
 
     gaps: Annotated[tuple[float, ...], Quantity("m", "y", "gaps of the curve", minimum=0)]
@@ -45,7 +45,7 @@ class InductiveSensor(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the output."""
+        """Return the unit of the sensor's output."""
         return "V"
 
     def sense(

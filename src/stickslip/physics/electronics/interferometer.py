@@ -20,13 +20,13 @@ class PositionSensor(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the output."""
+        """Return the unit of the sensor's output."""
         return "m"
 
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Return the position [n], m."""
+        """Return the position [n], m, unchanged; `sample_rate` and `random` are not used."""
         del sample_rate, random
         return position
 
@@ -34,7 +34,14 @@ class PositionSensor(NamedTuple):
 def _counted(
     self: Any, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Return the sensor's output [n] for the position [n], both in its unit, sampled at `sample_rate` Hz."""
+    """Return the sensor's output [n] for the position [n], both in its unit: delayed, with noise, rounded to
+    counts.
+
+    Args:
+        position: samples of the position.
+        sample_rate: Hz.
+        random: generator of the noise.
+    """
     noise = white_noise(position.size, self.noise_density, sample_rate, random)
     return np.rint((delayed(position, sample_rate, self.delay) + noise) / self.resolution) * self.resolution
 
@@ -50,7 +57,7 @@ class Interferometer(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the output."""
+        """Return the unit of the sensor's output."""
         return "m"
 
     sense = _counted
@@ -67,7 +74,7 @@ class Encoder(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the output."""
+        """Return the unit of the sensor's output."""
         return "rad"
 
     sense = _counted

@@ -38,7 +38,7 @@ class StrainGauge(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the output."""
+        """Return the unit of the sensor's output."""
         return "V"
 
     def sense(
