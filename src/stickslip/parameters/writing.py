@@ -56,7 +56,7 @@ def _tables(
         elif field in known and _finite(value):
             shown = repr([float(one) for one in value]) if isinstance(value, tuple) else repr(float(value))
             unit, symbol = known[field].unit, known[field].symbol
-        else:  # a name, the friction, or a default (None or infinite)
+        else:  # not written here: a name, a part with tables of its own, or a default (None or infinite)
             continue
         yield f"[{prefix}{field}]"
         yield f"value = {shown}"

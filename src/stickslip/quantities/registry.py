@@ -144,7 +144,8 @@ class Kind:
         return f"{place}:{name}" if place.endswith(".py") and name not in self._installed() else name
 
     def written(self, thing_type: type) -> dict[str, str]:
-        """Return what results record about a type: its name, and its origin if it is not from the package."""
+        """Return what results record about a type, {"law": "LuGre"}, with its origin as "law_of" if the type
+        is not the package's own."""
         place = origin(thing_type)
         said = {self.noun: self._called.get(thing_type, thing_type.__name__)}
         return {**said, f"{self.noun}_of": place} if place else said
@@ -172,10 +173,8 @@ class Kind:
         raise RegistryError(not_run(self.noun, name, str(place)))
 
     def of_client(self, said: Any) -> Any:
-        """Return the type that another program of the same user names, as `written` returned it there.
-
-        The user's file that the program names is run.
-        """
+        """Return the type that another program of the same user names, as `written` returned it there. A
+        user's file that it names is run."""
         place = str(said.get(f"{self.noun}_of", ""))
         if place.endswith(".py") and not self.installed(str(said[self.noun])):
             use_file(place)
@@ -327,7 +326,7 @@ def _not_run_here(text: str, path: str = "") -> str:
 def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
     # The module gets the same name in every process, wherever the file is: pickled records refer to it.
     name = f"own_{file.stem}_{content[:8]}"
-    if name in sys.modules:  # a copied file with equal content
+    if name in sys.modules:  # another file with the same name and content was run before
         name += f"_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:

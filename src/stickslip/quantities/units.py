@@ -184,7 +184,7 @@ def array_si(values: Any, unit: str, field: str = "values") -> NDArray[np.float6
         raise QuantityError(
             f"{field} is not of numbers but {array.dtype} (expected {unit or 'plain numbers'})"
         )
-    if array.dtype.kind in "OU":  # strings among them
+    if array.dtype.kind in "OU":  # the array contains strings
         read = [to_si(one, own or unit, field) for one in array.ravel().tolist()]
         array = np.array(read, dtype=float).reshape(array.shape)
     array = array.astype(float)

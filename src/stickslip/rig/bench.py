@@ -238,7 +238,13 @@ class _Reading:
         return stack.load
 
     def _assume(self, where: str, part: Part, fields: tuple[str, ...] = ()) -> None:
-        """Collect the assumptions of a part, for these fields or for all."""
+        """Add the assumed values of a part to the assumptions of the bench.
+
+        Args:
+            where: table of the bench that names the part, such as "amplifier".
+            part: content of the part's file.
+            fields: fields that the bench uses; empty for all.
+        """
         for field, said in part.assumptions.items():
             if not fields or field in fields:
                 self.assumptions[f"{where}.{field}"] = f"{said} ({part.name})"

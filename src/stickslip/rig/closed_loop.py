@@ -127,7 +127,7 @@ def regulate(
         raise QuantityError(
             f"duration = {seconds:g} s is longer than {can.name} takes, {can.max_points} updates"
         )
-    whole = isinstance(target, float | int)  # one constant value
+    whole = isinstance(target, float | int)  # True if the target is one constant value
     wanted = targets(target, 1 if whole else count, can.update_rate, unit)
     told = getattr(rig, "told", None)
     chains = {name: [to_text(one) for one in channel.calibration] for name, channel in channels.items()}
@@ -135,7 +135,7 @@ def regulate(
     shown = {**channels, POSITION: Channel(AT), _TARGET: Channel(WANTED), _ASKED: Channel(ASKED)}
     units = channel_units(looped(can, unit), shown, limits)
     texts |= {} if told is None else told(1)
-    if plausibility is None and not isinstance(rig, HostedRig):  # a rig's process asks its own controller
+    if plausibility is None and not isinstance(rig, HostedRig):  # that rig's process asks the controller
         plausibility = plausibility_of(
             controller.made() if isinstance(controller, ControllerSpec) else controller
         )
@@ -317,7 +317,7 @@ class _Loop:
             self._sees(self._making.channel_values(block))
 
     def recorded(self) -> Array:
-        """Return the raw samples [inputs, n]."""
+        """Return the raw samples [inputs, n] that the run has recorded so far."""
         return np.concatenate(self._blocks, axis=1)
 
     def statistics(self) -> dict[str, Any]:

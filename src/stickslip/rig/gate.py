@@ -55,7 +55,7 @@ class Gate:
         self._inputs: tuple[str, ...] = ()
         self._position: PositionInput | None = None
         self._rest = self._done = self._same = 0
-        self._until = 0.0  # s, duration of a run whose samples arrive at its end
+        self._until = 0.0  # s, duration of the run if its samples arrive only at its end, else 0
         self._origin, self._last = 0.0, math.nan
         self.began: float | None = None
 
@@ -84,7 +84,7 @@ class Gate:
         self._origin = getattr(self._rig, "origin", 0.0)  # some devices know their origin only after `arm`
 
     def start(self) -> None:
-        """Start the loaded output and the watchdog."""
+        """Start the output of the loaded drive, the recording, and the watchdog."""
         self._rig.start()
         self._heard = time.monotonic()
 

@@ -160,7 +160,7 @@ class Host:
             self._disarm("the program that armed it is gone", "the rig's process")
         with self._lock:
             if not self._clients and not self.supervisor.busy:
-                self.supervisor.let_go()  # other programs may want the device
+                self.supervisor.let_go()  # closes the device, which other programs may want
         with suppress(OSError):
             link.close()
 
@@ -258,7 +258,7 @@ class Host:
             self._log.write(f"limits: {', '.join(changes)}", who=who)
 
     def _act(self, act: str, who: str, what: str, why: str) -> None:
-        """Log an act on the interlock."""
+        """Log an act on the interlock, such as "armed"; this is the `log` of `Interlock`."""
         level = "error" if act == "fault" else "info" if act == "acknowledged" else "warning"
         self._log.write(f"{act}: {what}", who=who, why=why, level=level)
 

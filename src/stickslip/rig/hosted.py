@@ -272,7 +272,7 @@ class HostedRig:
             self._ask("close", within=_LAST, late=LATE)
         except RigError as error:
             if str(error).startswith("close: open the rig first"):
-                return  # the process never started
+                return  # the process has not opened the rig, so there is nothing to stop
             raise
 
     def home_here(self, position: PositionInput, slew: float) -> None:
@@ -318,7 +318,7 @@ class HostedRig:
 
 
 def position_document(name: str, calibration: Sequence[Any]) -> dict[str, Any]:
-    """Return the input that shows the position, as JSON data."""
+    """Return the input that measures the position, and its calibrations, as JSON data."""
     return {"input": name, "calibration": [to_text(one) for one in calibration]}
 
 
@@ -347,7 +347,7 @@ def _started(folder: Path) -> int:
     """Start the process of a rig and return its process number. The process has a session of its own, so
     that neither Ctrl-C in the terminal nor the end of the terminal reaches it."""
     command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
-    with suppress(OSError):  # messages of the previous process
+    with suppress(OSError):  # keep the messages of the previous process
         os.replace(folder / "rig.log", folder / "rig.log.before")
     log = os.open(folder / "rig.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     try:

@@ -78,7 +78,7 @@ class Interlock:
         self._path, self._log = path, log
         self._lock = threading.RLock()
         self._armed = self._fault = self._since = ""
-        self._kept = {OPERATORS: Permit(True, "", "", "")}  # all permits that were ever given or withdrawn
+        self._kept = {OPERATORS: Permit(True, "", "", "")}  # permits ever given or withdrawn, by name
         self._required = (OPERATORS, *required)
         self._load()
 
@@ -299,7 +299,7 @@ def interlock_of(rig: Any) -> Any:
         return None
     try:
         return _INTERLOCKS.setdefault(rig, Interlock())
-    except TypeError:  # a user's own rig that cannot be a key
+    except TypeError:  # the object of a user's own rig cannot be a key of a dictionary
         return Interlock()
 
 

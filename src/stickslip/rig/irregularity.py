@@ -59,7 +59,7 @@ class Irregularity(NamedTuple):
     )
     relaxation: Annotated[float, Quantity("m", "R", "relaxation after a stop", minimum=0)] = 0.29e-6
     relaxation_time: Annotated[float, Quantity("s", "τ", "time constant of the relaxation", above=0)] = 0.1
-    end_give: Annotated[float, Quantity("m", "G", "way that end stops give", minimum=0)] = 41e-6
+    end_give: Annotated[float, Quantity("m", "G", "yield of end stops", minimum=0)] = 41e-6
     temperature: Annotated[float, KELVIN] = ROOM
 
     @property
@@ -104,7 +104,7 @@ class Slips:
 
     @property
     def offset(self) -> float:
-        """Sum of the excess of all slips and of the yield of the seat, m."""
+        """Return the deviation of the real stage's position from the model's, m."""
         return self._shift + self._seat
 
     def step(self, slid: float, seconds: float) -> float:
@@ -166,7 +166,7 @@ def beyond_end(before: float, raw: Array, end: float, give: float) -> Array:
     for side in (-1.0, 1.0):
         edge = max(side * before, end)
         pushed = np.maximum(side * raw - edge, 0.0)
-        left = give - (edge - end)  # remaining yield of the stop
+        left = give - (edge - end)  # m by which the stop can still yield
         further = left * -np.expm1(-pushed / give) if give > 0.0 else 0.0 * pushed
         found = np.where(pushed > 0.0, side * (edge + further), found)
     return found

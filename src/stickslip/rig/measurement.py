@@ -100,7 +100,7 @@ def measure(
     plan = plan_run(can, drive, channels, capture, limits)
     site.check(plan.volts, limits, can)
     limits = narrower
-    told = getattr(rig, "told", None)  # a virtual rig reports its true contact
+    told = getattr(rig, "told", None)  # method of a rig that gives attributes for its recordings
     told = {} if told is None else told(int(capture.average))
     texts = {"title": title, "notes": notes, **(attributes or {}), **told}
     making = Making(can, channels, units, capture, limits, plan.begin, plan.wait, drive_text(drive), texts)
@@ -155,7 +155,7 @@ def _keep(
 def _home_of(rig: Rig) -> Home:
     try:
         return _HOMES.setdefault(rig, Home())
-    except TypeError:  # a user's own rig that cannot be a key
+    except TypeError:  # the object of a user's own rig cannot be a key of a dictionary
         return Home()
 
 
@@ -304,7 +304,7 @@ def _run(
     """Make one run; return its raw samples [inputs, n] and the error that ended it early, or None."""
     channel = making.channels.get(POSITION)
     position = None if channel is None else PositionInput(channel.input, channel.calibration)
-    guard = getattr(rig, "guard", None)  # a rig that is supervised in its own process
+    guard = getattr(rig, "guard", None)  # None unless another process supervises the rig
     if guard is not None:
         guard(making.limits, position, plan.begin, None if samples is None else samples.path)
     gate = Gate(rig, making.limits, making.can, home)

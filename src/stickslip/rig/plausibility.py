@@ -59,7 +59,7 @@ class Plausibility(NamedTuple):
     ] = 0.0
     steps: Annotated[
         float,
-        Quantity("", "n_b", "steps one way at a target at rest", above=0, maximum=_INF),
+        Quantity("", "n_b", "net steps at a constant, reached target", above=0, maximum=_INF),
     ] = 20.0
     astray: Annotated[
         float, Quantity("m", "x_a", "distance from a target that was reached", above=0, maximum=_INF)
@@ -115,11 +115,11 @@ class Plausible:
         self._at = self._limited = self._ticks = 0
         # Least and greatest drive in two consecutive windows, each as long as the settling time.
         self._now = self._before = (u, u)
-        self._span = (u, u)  # least and greatest drive since the last `_collapse`
+        self._span = (u, u)  # least and greatest drive, V, since the last `_collapse`
         s = x - self._policy.gain * u
         self._low_s = self._high_s = self._mark = s
         self._falls = self._rises = 0.0
-        self._edge: float | None = None  # the drive before the current fast change
+        self._edge: float | None = None  # the drive, V, before the current fast change; None between changes
         self._steep = 0.0  # greatest part, V, of the current fast change within `EDGE_TIME`
         self._quiet, self._slid = self._calm + 1, False
         self._expected = self._measured = self._pending = self._judged = 0.0
@@ -168,7 +168,7 @@ class Plausible:
         self._at = at + 1 if at + 1 < len(self._old) else 0
         fast = u - old
         if fast > self._fast or fast < -self._fast:
-            if self._quiet > self._calm:  # settled before this change
+            if self._quiet > self._calm:  # the position has settled before this change of the drive
                 self._collapse(x)
             if self._edge is not None and fast * self._steep < 0.0:  # the change reverses
                 self._step(old - self._edge)
@@ -219,7 +219,7 @@ class Plausible:
         self._falls = self._rises = 0.0
 
     def _step(self, change: float) -> None:
-        """Count a fast change of the drive [V] as a step, if it is large and steep enough."""
+        """Count a complete fast change of the drive by `change` [V] as a step, if it is large and steep."""
         policy = self._policy
         beyond = abs(change) - policy.edge
         if beyond <= 0.0 or abs(self._steep) < STEEP * abs(change):
@@ -244,7 +244,8 @@ class Plausible:
             )
 
     def _targeted(self, x: float, u: float, goal: float) -> None:
-        """Check the steps and displacements at a constant target, and the end stops by step count."""
+        """Raise LimitError if a reached, constant target is left or takes too many steps, or if the number of
+        steps leads beyond an end stop. `x` and `goal` are in m (rad), `u` is the drive in V."""
         policy, limits = self._policy, self._limits
         if abs(goal - self._base_goal) > self._stroke:
             self._base, self._base_u, self._base_goal = x, u, goal

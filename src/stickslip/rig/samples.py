@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 SAMPLES = ".samples"  # ending of the file's name
 _HEAD = struct.Struct("<QQ")
-_OVERHEAD = 200_000  # bytes of a recording in addition to its samples
+_OVERHEAD = 200_000  # bytes reserved for a recording's file in addition to its samples
 KILLED = "the program was killed"
 
 
@@ -207,7 +207,10 @@ def _is_saved(target: Path, run_id: str) -> bool:
 
 
 def unfinished_path(target: Path) -> Path:
-    """Return a free path for an unfinished NAME.nc: unfinished/NAME.nc beside it, with a number if needed."""
+    """Return a path for an unfinished NAME.nc at which no file exists: unfinished/NAME.nc or NAME-2.nc, ...
+
+    The folder unfinished/ is created beside NAME.nc if it is missing.
+    """
     folder = target.parent / "unfinished"
     folder.mkdir(exist_ok=True)
     number, path = 1, folder / target.name

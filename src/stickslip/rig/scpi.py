@@ -66,10 +66,14 @@ class ScpiInstrument:
         return self._heard(query, lambda asked: self._line.until(b"\n", asked)).decode("latin-1").strip()
 
     def do(self, command: str, content: bytes | None = None) -> None:
-        """Send a command, with or without a block of data.
+        """Send a command, and read the error queue.
+
+        Args:
+            command: the command.
+            content: data sent after the command as a definite-length block; None for no block.
 
         Raises:
-            RigError: the error queue was not empty afterwards; the message contains its first error.
+            RigError: the instrument reported an error; the message contains the first one.
         """
         if self._lost:
             raise RigError(f"{self.name}: {command}: not sent, an answer was late or garbage before")
@@ -146,7 +150,7 @@ class ScpiInstrument:
 
 
 class _VisaLine:
-    """A VISA resource with the methods of a `Line`."""
+    """Connection to a VISA resource (GPIB, USB, ...), with the methods of `line.Line` that SCPI needs."""
 
     def __init__(self, role: str, resource: str, timeout: float) -> None:
         self.device = f"{role} at {resource}"

@@ -71,7 +71,7 @@ class Sensing:
         self._after = None if mounted.adc is None else Running(anti_alias, rate, self._finished(first))
 
     def sees(self, position: float) -> float:
-        """Take the next position [m] and return the voltage or number at the input of the converter."""
+        """Take the next position [m]; return the sensor's output at the converter's input, V (or m, rad)."""
         value = self._shown(position)
         for one in self._filters:
             value = one(value)

@@ -122,7 +122,7 @@ class Site(NamedTuple):
         try:
             check_drive(volts, self.narrowed(limits), can)
         except LimitError as error:
-            check_drive(volts, limits, can)  # the experiment's own limit is named first
+            check_drive(volts, limits, can)  # if the experiment's own limits forbid it too, they are named
             raise LimitError(f"{error}; the limit is that of the site, {self.path}") from None
 
     def around(self, rig: Rig) -> Rig:
@@ -146,7 +146,7 @@ class PermittedRig:
         self._permits = {name: (one.input, *one.bounds(can)) for name, one in permits.items()}
         self._asked = 0  # number of inputs that the client requested; they come first
         self._read: tuple[str, ...] = ()
-        if hasattr(rig, "begin"):  # without it no loop can be closed
+        if hasattr(rig, "begin"):  # the rig can be set update by update, so a loop can be closed on it
             self.begin, self.exchange = self._begin, self._exchange
 
     @property
@@ -289,7 +289,7 @@ def _known(content: Mapping[str, Any], known: tuple[str, ...], where: str) -> No
 def _limits(content: Mapping[str, Any], where: str) -> dict[str, float]:
     _known(content, tuple(_NARROWER), f"{where}.")
     found = {name: to_si(value, _NARROWER[name][1], f"{where}.{name}") for name, value in content.items()}
-    Limits(**{"stop_slew": min(1000.0, found.get("max_slew", math.inf)), **found})  # checks them
+    Limits(**{"stop_slew": min(1000.0, found.get("max_slew", math.inf)), **found})  # checks the ranges
     return found
 
 

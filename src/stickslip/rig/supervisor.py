@@ -70,11 +70,11 @@ class Supervisor:
         self._news = threading.Condition()
         self._blocks: deque[Array] = deque()
         self._sent: list[Array] = []  # blocks whose receipt the program has not confirmed
-        self._stored = 0  # samples before `_sent`
+        self._stored = 0  # number of samples whose receipt the program has confirmed
         self._keep: Path | None = None
         self._kept: BinaryIO | None = None  # the file of samples `_keep`, open while it may need completion
         self._failure: BaseException | None = None
-        self._unsafe: BaseException | None = None  # failure of the stop, until the client knows
+        self._unsafe: BaseException | None = None  # error of a failed stop, until a client has received it
         self._stop: tuple[str, float] | None = None
         self._left = False  # True if the program that started the run is gone
         self._asked = self._alive = self._beat = 0.0
@@ -286,7 +286,7 @@ class Supervisor:
             self.stopped = {"failed": f"the stop failed ({error}): {SWITCH_OFF}"}
             self._unsafe = error
             failure = stop_failed(error, failure)
-            self.let_go()  # the device takes a closed connection as a stop
+            self.let_go()  # some devices stop when their connection is closed
         ended = "complete" if failure is None else str(failure) or type(failure).__name__
         said = self.stopped.get("failed") or "ramped to 0 V" + (
             "" if (volts := self.stopped["measured"]) is None else f", the monitor reads {volts:.3g} V"

@@ -81,7 +81,7 @@ class LoopRig:
         self._targets: list[float] = [0.0]
         self._inputs: tuple[str, ...] = ()
         self._samples = 0
-        self._rows: list[list[float]] = []  # rows of the current block
+        self._rows: list[list[float]] = []  # samples of all inputs, one list per update, not yet fetched
         self._failure: BaseException | None = None
         self._left = False  # True after a stop
         self._given = 0.0

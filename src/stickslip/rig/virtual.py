@@ -30,7 +30,7 @@ from .variation import EXACT, Repeats
 
 BLOCK = 0.02  # s of samples that one `fetch` returns
 OVERSAMPLING = 4  # rate at which analogue signals are computed, as a multiple of the sampling rate
-# column of a simulated trajectory for each place of a sensor
+# Column of a simulated trajectory that a sensor at each place measures.
 _COLUMN = {"stage": STAGE, "end_effector": SLIDER}
 _SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to settle
 MAX_POINTS = 5_000_000
@@ -80,11 +80,12 @@ class VirtualRig:
         of_kind(actuator, Actuator, "actuator")
         of_kind(bench, Bench, "bench")
         _check_sensors(actuator, bench)
-        # The gate checks the drive. A converter step below 0 V is no error.
+        # Without the actuator's voltage limits: the gate checks the drive, and the output of the converter
+        # may be a step below 0 V.
         self.actuator = at_temperature(actuator, repeats.irregularity.temperature).replace(
             min_voltage=-math.inf, max_voltage=math.inf, piezo=simplified(actuator.piezo)
         )
-        self._remanence: Remanence | None = None  # state of the piezo; None: annealed
+        self._remanence: Remanence | None = None  # state of the piezo; None: it has rested for long
         self.bench, self._seed, self._real_time, self._tolerance = bench, seed, real_time, tolerance
         self._repeats = repeats
         self._per_unit = bench.dac.gain * bench.amplifier.gain
@@ -125,7 +126,7 @@ class VirtualRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return the true contact of the next runs, for their recording; see `Repeats.told`."""
+        """Return the true contact in the next `runs` runs, as an attribute of their recording."""
         return self._repeats.told(self.actuator, runs, self._runs)
 
     def load(self, volts: Array) -> None:
@@ -220,7 +221,7 @@ class VirtualRig:
         if self._stream is not None:
             self._stop_stream(self._stream, slew)
             return
-        if self._fetched and not self.actuator.clamped:  # it sticks to the returning stage
+        if self._fetched and not self.actuator.clamped:  # the end-effector sticks to the returning stage
             self.origin += float(self._slid[self._fetched - 1])
         rate = self.bench.dac.update_rate
         played = max(1, math.ceil(self._fetched * rate / self.bench.sample_rate))

@@ -69,7 +69,7 @@ class VirtualLaboratory:
         return VirtualRig(actuator, self._bench).capabilities
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """Return a new rig, whose end-effector starts at the end position of the previous one."""
+        """Return a new rig, whose end-effector starts where that of the previous rig has ended."""
         made = VirtualRig(actuator, self._bench, seed=seed, repeats=repeats, real_time=self._real_time)
         if self._last is not None:
             made.origin = self._last.origin
@@ -126,7 +126,7 @@ class RealLaboratory:
         self.home = Home()
         opened = HostedRig(link, self._device)
         self._can, self._said = opened.capabilities, opened.told(1)
-        opened.stop(0.0)  # free for others until something is recorded
+        opened.stop(0.0)  # releases the rig for other programs until something is recorded
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
         """Return the capabilities of the rig, whatever the actuator."""

@@ -110,7 +110,7 @@ def record_experiment(
         finally:
             laboratory.close()
     if done:
-        progress(done[-1].cell.name, 1.0)  # a stop requested since the last recording takes effect
+        progress(done[-1].cell.name, 1.0)  # raises here if a stop was requested since the last recording
     return done
 
 
