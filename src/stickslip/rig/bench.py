@@ -105,8 +105,8 @@ class Bench:
     def with_chain(self, chain: Chain, name: str = "position") -> Bench:
         """Return the bench with an additional input `name`, which measures the end-effector through a chain.
 
-        The input is in m and free of noise. If the chain's slew rate is finite, the amplifier gets it in
-        place of its own slew rate and peak current.
+        The input is in m and free of noise. If the chain's slew rate is finite, it replaces the amplifier's
+        own, and the amplifier's peak current is not limited.
         """
         amplifier = self.amplifier
         if chain.known_slew_rate is not None:

@@ -24,7 +24,8 @@ class RigError(RuntimeError):
 
 
 class StopRequested(RigError):
-    """A run ended because somebody requested a stop; this is no fault."""
+    """A run ended because a stop was requested. The interlock takes this for no fault, unless the program that
+    started the run is gone."""
 
 
 class RigWarning(UserWarning):
