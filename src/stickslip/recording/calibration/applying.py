@@ -29,12 +29,19 @@ if TYPE_CHECKING:
 
 Part = Calibration | str | os.PathLike[str]
 Chain = Part | Sequence[Part]
-# Largest excess beyond the range of a calibration that counts as noise, relative to the range.
+# Excess of readings beyond the range of a calibration, relative to the range, up to which there is no
+# warning,
+# because noise may cause it.
 BEYOND = 0.05
 
 
 def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
-    """Return the calibrations for values in `unit`, in the order of application; names and paths are loaded.
+    """Return one or several calibrations as a tuple, in the order of application, after a check of their
+    units.
+
+    Args:
+        chain: a calibration or a sequence of them; a name or path is loaded.
+        unit: SI unit of the uncalibrated values.
 
     Raises:
         CalibrationError: a calibration cannot be loaded, or its input has another unit than the previous
@@ -60,11 +67,12 @@ def apply_calibration(
     """Return the recording with some of its variables calibrated; its attributes name the calibrations.
 
     Args:
-        recording: over "time".
-        calibrations: variable -> calibration, or its name or file, or a sequence of them: ``{"sensor":
-            ["kang2007-inductive-5", "kang2007-recalibration"]}``.
-        rename: variable -> new name. A variable with a standard name cannot be in V; ``{"sensor":
-            "end_effector_position"}`` gives that name to the calibrated variable in m.
+        recording: dataset over "time".
+        calibrations: calibration of each variable by name (an object, a name, a file, or a sequence of them):
+            ``{"sensor": ["kang2007-inductive-5", "kang2007-recalibration"]}``.
+        rename: new name of calibrated variables by name. A variable with the standard name of a position
+            cannot be in V, so ``{"sensor": "end_effector_position"}`` gives this name to the calibrated
+            variable in m.
 
     Raises:
         CalibrationError: a calibration cannot be loaded, or does not fit the variable's unit or new name.
@@ -106,9 +114,11 @@ def apply_calibration(
 
 
 def scale_attribute(chain: Sequence[Calibration], before: float = 0.0) -> dict[str, float]:
-    """Return the attribute with the uncertainty of a variable's scale after these calibrations.
+    """Return the attribute `scale_uncertainty` of a variable after calibrations, as a dictionary: the root
+    sum of squares of their relative standard uncertainties and of `before`.
 
-    It is empty if the uncertainty of one is unknown; `before` is the uncertainty of the uncalibrated scale.
+    The dictionary is empty without calibrations, or if the uncertainty of one is unknown. `before` is the
+    uncertainty of the uncalibrated variable's scale.
     """
     known = [one.scale_uncertainty for one in chain if one.scale_uncertainty is not None]
     return {SCALE_UNCERTAINTY: math.hypot(before, *known)} if chain and len(known) == len(chain) else {}
@@ -129,7 +139,14 @@ def _warn_beyond(name: str, calibration: Calibration, values: NDArray[np.float64
 
 
 def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = "") -> str:
-    """Return the attribute "calibration" of a recording: JSON, variable -> list of calibrations."""
+    """Return the attribute "calibration" of a recording: JSON text with a list of calibrations for each
+    variable, "" without any.
+
+    Args:
+        applied: JSON texts of the new calibrations by variable.
+        before: attribute of the recording before; its calibrations come first, and free text is kept under
+            "notes".
+    """
     known = json_attribute({"calibration": before}, "calibration")
     if before and not known:
         known["notes"] = before  # free text from a reader

@@ -1,4 +1,5 @@
-"""Polynomial from a sensor's reading to the true value: least squares, standard errors, prediction band."""
+"""Calibration polynomial from a sensor's reading to the true value: fit by least squares, standard errors and
+prediction band."""
 
 from __future__ import annotations
 
@@ -25,11 +26,17 @@ class Calibration:
     """Calibration polynomial y = c_0 + c_1 x + c_2 x² + ... from the sensor's output x to the quantity y,
     both in SI.
 
-    Fields: `coefficients` [order + 1], lowest power first, in y_unit/x_unit^k; `low`, `high`, range of x for
-    which it was made; `max_error`, `rms_error`, in y_unit, against the single readings; `residual_deviation`,
-    in y_unit, of the fitted means, with its `degrees_of_freedom`; `covariance` of the coefficients;
-    `scale_uncertainty`, relative standard uncertainty of dy/dx, root mean square over the range. Values that
-    the source does not give are None.
+    Attributes:
+        coefficients: c_k, lowest power first, in y_unit/x_unit^k, shape (order + 1,).
+        low, high: range of x for which the calibration was made.
+        source: origin of the calibration, as text.
+        max_error, rms_error: largest and rms error of the single readings, in y_unit.
+        residual_deviation: standard deviation of the residuals of the fitted mean readings, in y_unit.
+        degrees_of_freedom: degrees of freedom of `residual_deviation`.
+        covariance: covariance of the coefficients, shape (order + 1, order + 1).
+        scale_uncertainty: relative standard uncertainty of dy/dx, root mean square over the range.
+
+    Values that the source does not give are None.
     """
 
     name: str
@@ -48,7 +55,7 @@ class Calibration:
 
     @property
     def order(self) -> int:
-        """Return the order, the highest power."""
+        """Return the order of the polynomial, its highest power."""
         return len(self.coefficients) - 1
 
     @property
@@ -59,16 +66,17 @@ class Calibration:
         return tuple(float(np.sqrt(self.covariance[k][k])) for k in range(self.order + 1))
 
     def __call__(self, x: ArrayLike) -> Array:
-        """Return y at x, in the same shape."""
+        """Return the calibrated values y in y_unit for readings x in x_unit, in the same shape."""
         return _polynomial(self.coefficients, array_si(x, self.x_unit, "x"))
 
     def slope(self, x: ArrayLike) -> Array:
-        """Return dy/dx at x, in the same shape."""
+        """Return the slope dy/dx in y_unit/x_unit at readings x, in the same shape."""
         derivative = np.polynomial.polynomial.polyder(self.coefficients)
         return _polynomial(derivative, array_si(x, self.x_unit, "x"))
 
     def prediction_band(self, x: ArrayLike, level: float = 0.95) -> Array:
-        """Return half the width of the band that contains a new mean reading with the probability `level`.
+        """Return the half-width, in y_unit, of the band about the polynomial at readings x that contains a
+        new point (true value at a mean reading) with the probability `level`, in the shape of x.
 
         Raises:
             CalibrationError: the covariance is not known, no degrees of freedom are left, or the level is not
@@ -89,7 +97,7 @@ class Calibration:
         return t * np.sqrt(np.maximum(variance, 0.0) + self.residual_deviation**2)
 
     def inverse(self, y: ArrayLike) -> Array:
-        """Return x at y, in the same shape.
+        """Return the readings x in x_unit at which the polynomial has the values y, in the same shape.
 
         Raises:
             CalibrationError: the polynomial is not monotonic over its range, or y is outside its range.
@@ -127,16 +135,17 @@ def fit_calibration(
     """Fit a polynomial to a calibration table by least squares.
 
     Args:
-        x: readings of the sensor, SI: shape (n,), or (n, r) for r readings at each point, whose means are
+        x: readings of the sensor, SI, shape (n,); or (n, r) for r readings at each point, whose means are
             fitted.
         y: true values, SI, shape (n,).
         order: order of the polynomial.
         name, source: name of the calibration, and origin of the table.
-        x_unit, y_unit: SI units.
+        x_unit, y_unit: SI units of readings and true values.
 
     Raises:
-        QuantityError: values with another unit.
-        CalibrationError: arrays that do not fit, values that are not numbers, too few points for the order.
+        QuantityError: values have another unit.
+        CalibrationError: the shapes do not match, values are not finite numbers, or there are too few points
+            for the order.
     """
     readings, y = _checked(array_si(x, x_unit, "x"), array_si(y, y_unit, "y"))
     means = readings.mean(axis=1)
@@ -176,7 +185,7 @@ def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, 
     """Return the relative standard uncertainty of the slope of a polynomial, root mean square over the range
     from `low` to `high`."""
     x, powers = np.linspace(low, high, 201), np.arange(1, len(coefficients))
-    # Scaled as in `prediction_band`: powers of x differ by decades.
+    # x is divided by its largest value as in `prediction_band`, because powers of x differ by decades.
     scale = max(abs(low), abs(high), 1e-300)
     units = scale ** np.arange(len(coefficients))
     rows = np.zeros((x.size, len(coefficients)))
@@ -188,10 +197,11 @@ def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, 
 
 
 def cross_validation(x: ArrayLike, y: ArrayLike, orders: Sequence[int] = range(1, 8)) -> dict[int, float]:
-    """Return the rms error at points left out one at a time, in the unit of y, for each order that the points
-    allow.
+    """Return the rms prediction error at points that are left out one at a time, in the unit of y, by the
+    order of the polynomial.
 
-    Take the order with the least error: higher ones follow the noise of the points.
+    Choose the order with the smallest error: higher ones follow the noise of the points. Orders with too few
+    points are left out.
 
     Args:
         x, y: as for `fit_calibration`.

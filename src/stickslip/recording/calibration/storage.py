@@ -73,7 +73,7 @@ def to_text(calibration: Calibration, indent: int | None = None) -> str:
 
 
 def from_text(text: str) -> Calibration:
-    """Return the calibration in a JSON text; raises CalibrationError if the text is not one."""
+    """Return the calibration that `to_text` wrote as JSON; raises CalibrationError for any other text."""
     try:
         content = load_json(text, "calibration")
     except GateError as error:

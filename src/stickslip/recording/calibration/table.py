@@ -1,4 +1,5 @@
-"""Calibration tables: CSV files with the true value in the first column and readings in the others."""
+"""Reading of calibration tables: CSV files with the true value in the first column and sensor readings in the
+others."""
 
 from __future__ import annotations
 
@@ -24,8 +25,8 @@ _HEADER = re.compile(r"\s*(?P<name>[^\[\](]*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*"
 
 
 class CalibrationTable(NamedTuple):
-    """A calibration table in SI: `x` [n, readings per point] are readings of the sensor, `y` [n] the true
-    values."""
+    """A calibration table in SI: readings `x` of the sensor, shape (n, readings per point), and true values
+    `y`, shape (n,); `source` contains the notes of the file or else its name."""
 
     name: str
     x: NDArray[np.float64]
@@ -43,8 +44,8 @@ def available_tables() -> tuple[str, ...]:
 def read_table(name: str | os.PathLike[str]) -> CalibrationTable:
     """Return a calibration table: one of the package by its name, or a CSV file by its path.
 
-    The first line names the columns with their units, "position [mm], a [V], b [V]": the truth first, then
-    one or more readings of the sensor, all in one unit. Lines that start with # are notes.
+    The first line names the columns with their units, "position [mm], a [V], b [V]": the true value first,
+    then one or more readings of the sensor, all in one unit. Lines that start with # are notes.
 
     Raises:
         CalibrationError: there is no such table, or it is not as described; the message names file and line.

@@ -1,4 +1,4 @@
-"""Readers of files of measurements."""
+"""Readers of measurement files (text, MAT, HDF5, MDF, TDMS, oscilloscopes and others), and their checks."""
 
 from .blocks import read_log as read_log
 from .frequency_table import read_frequency_response as read_frequency_response

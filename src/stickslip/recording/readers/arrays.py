@@ -1,4 +1,4 @@
-"""Channels made from named arrays in NPY, NPZ and MAT files."""
+"""Conversion of named arrays in a file (NPY, NPZ, MAT, HDF5) to channels."""
 
 from __future__ import annotations
 
@@ -16,40 +16,41 @@ from .source import FileChannel, FileContent, Rows
 
 
 class Leaf(NamedTuple):
-    """An array in a file, not necessarily loaded yet."""
+    """An array in a file, which `load` reads when needed."""
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]
-    of_complex: bool = False  # the numbers are complex
-    unit: str = ""  # as in the file
-    epoch: float = 0.0  # for dates: zero of the numbers, s since 1970
-    # reads a part along an axis, if that is faster
+    of_complex: bool = False  # True if the numbers are complex
+    unit: str = ""  # unit as written in the file; "" if unknown
+    epoch: float = 0.0  # for dates: time of the number 0, s since 1970
+    # Function that reads only a slice along an axis, if the format allows it; otherwise None.
     load_part: Callable[[int, slice], np.ndarray] | None = None
 
 
 def total_bytes(leaves: Iterable[Leaf]) -> int:
-    """Return the size of arrays as float64, bytes."""
+    """Return the size in bytes that the arrays have in memory as float64."""
     return sum(8 * math.prod(leaf.shape) for leaf in leaves)
 
 
 class ArrayChannel(NamedTuple):
-    """A channel that is a part of an array: all samples along `axis`, one index along each other axis."""
+    """A channel that is a part of a named array: all samples along `axis`, at the indices `others` along the
+    other axes."""
 
     array: str
     axis: int
     others: tuple[int, ...]
-    alone: bool  # the array has only this channel
+    alone: bool  # True if the array has only this channel
 
     @property
     def subscripts(self) -> list[str]:
-        """Return the index along each axis, from 0; ":" for time."""
+        """Return the index along each axis of the array as text, from 0, and ":" along the time axis."""
         texts = [str(i) for i in self.others]
         return [*texts[: self.axis], ":", *texts[self.axis :]]
 
 
 def array_parts(leaves: Mapping[str, Leaf]) -> list[ArrayChannel]:
-    """Return the channels of arrays by name, array by array. Time runs along the longest axis of an array,
-    the first of equally long ones.
+    """Return all channels of the named arrays, in their order. Time is taken to be the longest axis of an
+    array, the first if several are equally long.
 
     Raises:
         RecordingError: there are more channels than `LIMITS` allows.
@@ -69,7 +70,7 @@ def array_parts(leaves: Mapping[str, Leaf]) -> list[ArrayChannel]:
 
 
 def real_leaves(leaves: Mapping[str, Leaf]) -> dict[str, Leaf]:
-    """Return the arrays with complex ones split into two: "real(G)" and "imag(G)"."""
+    """Return the arrays by name, each complex one replaced by two real ones: "real(G)" and "imag(G)"."""
     found: dict[str, Leaf] = {}
     for name, leaf in leaves.items():
         if not leaf.of_complex:
@@ -86,8 +87,8 @@ def _part(load: Callable[[], np.ndarray], part: str) -> np.ndarray:
 
 
 def subscripted(part: ArrayChannel) -> str:
-    """Return the name of a channel as in Python: "table[:, 2]"; the only channel of an array has the array's
-    name."""
+    """Return the name of a channel in Python's notation, such as "table[:, 2]"; the only channel of an array
+    has the name of the array."""
     name = part.array
     return name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
 
@@ -95,7 +96,14 @@ def subscripted(part: ArrayChannel) -> str:
 def array_source(
     reader: str, leaves: Mapping[str, Leaf], channels: Sequence[tuple[ArrayChannel, FileChannel]]
 ) -> FileContent:
-    """Return a source whose channels are parts of arrays. Each array is loaded once per reading."""
+    """Return the content of a file whose channels are parts of arrays. One call of its `read` loads each
+    array once.
+
+    Args:
+        reader: name of the reader.
+        leaves: arrays by name.
+        channels: part of an array, and description, of each channel.
+    """
 
     def read(indices: Sequence[int], rows: Rows) -> list[np.ndarray]:
         loaded: dict[str, np.ndarray] = {}

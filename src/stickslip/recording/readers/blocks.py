@@ -1,7 +1,7 @@
-"""Logs in blocks of "key: value", as a program prints them after each move.
+"""Reader of logs with blocks of "key: value", as programs print them after each move.
 
-"Trial 1 - Forward: Error: 37.48 nm, Time: 0.63 sec" is one record. So are lines "Target: 10 um" and "Reached:
-9.98 um" up to a blank line, a rule, or a repeated key.
+The line "Trial 1 - Forward: Error: 37.48 nm, Time: 0.63 sec" is one record. So are lines "Target: 10 um" and
+"Reached: 9.98 um" up to a line without a pair (blank, or a rule such as "-----") or a repeated key.
 """
 
 from __future__ import annotations
@@ -37,8 +37,10 @@ class _Record(NamedTuple):
 
 
 def read_log(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Return the table in a log of "key: value" blocks: a variable per key over "record", in SI; the text
-    before the keys is `label`.
+    """Return the table in a log of "key: value" blocks: a dataset over "record" with a variable for each key,
+    in SI.
+
+    A missing value is NaN. The text before the keys of a record is in the variable `label`.
 
     Raises:
         RecordingError: there are no two such blocks, or a key has units of different dimensions.
@@ -68,7 +70,7 @@ def read_log(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def _in_si(number: float, unit: str) -> tuple[float, str]:
-    """Return a number and its unit in SI; unchanged if the unit is not known."""
+    """Return a number and its unit, both converted to SI; unchanged if the unit is unknown."""
     try:
         conversion = to_si_unit(unit) if unit else None
     except QuantityError:

@@ -1,4 +1,5 @@
-"""Samples with their times: missing samples, ascending time, and the combination of several clocks."""
+"""Checks of sample times, removal of incomplete samples, and interpolation of channels with different clocks
+(time columns) onto one."""
 
 from __future__ import annotations
 
@@ -13,9 +14,9 @@ Place = Callable[[int], str]
 
 
 class Clocked(NamedTuple):
-    """Channels with a common clock; times in s."""
+    """Channels with a common clock: sample times `time` [s], shape (n,), and values [n] by name."""
 
-    clock: str  # name of the clock
+    clock: str  # name of the clock in messages
     time: np.ndarray
     values: Mapping[str, np.ndarray]
 
@@ -23,14 +24,14 @@ class Clocked(NamedTuple):
 def complete_samples(
     group: Clocked, labels: Mapping[str, str], missing: Literal["error", "drop"], place: Place
 ) -> Clocked:
-    """Return the group of channels without incomplete samples, if they may be dropped, after a check that
-    time ascends.
+    """Return the group of channels without incomplete samples (a time or value missing, NaN or infinite),
+    after a check that time ascends.
 
     Args:
-        group: the channels and their time.
-        labels: name of each channel in an error: column and unit.
-        missing: "drop" drops incomplete samples, "error" raises at the first one.
-        place: function from a sample to its place in the file, in words.
+        group: the channels and their times.
+        labels: text for each channel in messages (column and unit), by name.
+        missing: "drop": leave incomplete samples out; "error": raise an error at the first one.
+        place: function that takes the index of a sample and returns its place in the file as text.
 
     Raises:
         RecordingError: a number is missing, or time does not ascend.
@@ -63,7 +64,8 @@ def complete_samples(
 
 
 def without_empty_end(group: Clocked) -> Clocked:
-    """Return the group up to its last time; in a table, a shorter group ends with blanks."""
+    """Return the group up to its last finite time, because in a table the columns of a shorter group end with
+    blanks."""
     ticks = np.flatnonzero(np.isfinite(group.time))
     end = int(ticks[-1]) + 1 if ticks.size else 0
     return Clocked(
@@ -72,8 +74,8 @@ def without_empty_end(group: Clocked) -> Clocked:
 
 
 def onto_one_clock(common: Clocked, others: list[Clocked]) -> Clocked:
-    """Return all channels at the times of `common` that lie within every other clock, by linear
-    interpolation.
+    """Return all channels at those times of the group `common` that lie within the time range of every other
+    group; the channels of the others are interpolated linearly.
 
     Raises:
         RecordingError: a clock does not overlap with the common one.

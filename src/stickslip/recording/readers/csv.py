@@ -66,7 +66,7 @@ def read_csv(
 
 
 def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows) -> list[np.ndarray]:
-    # Too large an estimate costs nothing: memory is taken only when it is used.
+    # A too large estimate costs nothing, because the system assigns memory only when it is written to.
     capacity = int(path.stat().st_size / layout.line_bytes) + 1
     if rows.stop is not None:
         capacity = min(capacity, rows.stop)
@@ -120,7 +120,7 @@ class _Lines:
             GateError: a line is too long.
         """
         part = self._file.read(size)
-        part += self._file.readline(LIMITS.line)  # so that no number is cut in two
+        part += self._file.readline(LIMITS.line)  # completes the last line, so that no number is cut in two
         end = max(part.rfind("\n"), part.rfind("\r"))
         self._run = self._run + len(part) if end < 0 else len(part) - end - 1
         if self._run > LIMITS.line:
@@ -134,7 +134,7 @@ class _Lines:
 def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None) -> Iterator[pd.DataFrame]:
     import pandas as pd
 
-    # Numbers are read to the last bit: pandas does so from 3.1 on, and earlier versions where asked to.
+    # Numbers are read to the last bit: pandas does so by default from 3.1 on, and earlier with this option.
     recent = (*map(int, pd.__version__.split(".")[:2]),) >= (3, 1)
     exact: Any = {} if recent else {"float_precision": "round_trip"}
     # A column that was not requested is kept as one byte per row: with ``usecols``, pandas would not detect
@@ -173,7 +173,7 @@ def _numbers(chunk: pd.DataFrame, layout: TextLayout, i: int) -> np.ndarray:
 
 
 def _since(texts: pd.Series, how: Stamped) -> np.ndarray:
-    """Return time stamps in s since the zero of their column; NaN for blank ones."""
+    """Return time stamps in s since the epoch of their column; NaN for blank ones."""
     import pandas as pd
 
     made = texts.map(lambda text: iso(text, how.first_is_day), na_action="ignore")
@@ -205,7 +205,8 @@ def _line_of(path: Path, layout: TextLayout, row: int) -> int:
 
 
 def _explained(path: Path, layout: TextLayout, indices: list[int], error: Exception) -> RecordingError:
-    """Return an error that names the first field that is not a number, or the first row that is too long."""
+    """Return an error that names the first field that is neither a number nor a date, or the first row with
+    too many fields; without one, the message of pandas' `error`."""
     width = len(layout.kinds)
     for number, line in _rows(path, layout):
         fields = layout.split(line)
@@ -221,7 +222,7 @@ def _explained(path: Path, layout: TextLayout, indices: list[int], error: Except
 
 
 def _tail(path: Path, layout: TextLayout) -> list[str]:
-    """Return the last lines of a file."""
+    """Return the lines in the last 64 KiB of a file; the first of them may be incomplete."""
     with opened(path) as file:
         file.seek(max(os.fstat(file.fileno()).st_size - (1 << 16), 0))
         tail = file.read().decode(layout.encoding, errors="replace")
@@ -229,7 +230,8 @@ def _tail(path: Path, layout: TextLayout) -> list[str]:
 
 
 def _blank_rows_at_the_end(path: Path, layout: TextLayout) -> int:
-    """Return the number of final rows with delimiters only, as spreadsheets leave them."""
+    """Return the number of rows at the end of a file that contain only delimiters, as spreadsheets write
+    them."""
     count = 0
     for line in reversed(_tail(path, layout) if layout.encoding != "utf-16" else []):
         if layout.is_data(line):
@@ -240,10 +242,10 @@ def _blank_rows_at_the_end(path: Path, layout: TextLayout) -> int:
 
 
 def _check_last_line(path: Path, layout: TextLayout) -> None:
-    """Raise an error for a file that ends in the middle of a row: it was cut off, and even its last number
-    may be wrong."""
+    """Raise RecordingError for a file whose last row has too few fields: the file was cut off, and even its
+    last number may be wrong."""
     if layout.encoding == "utf-16":
-        return  # the end may be in the middle of a character
+        return  # `_tail` may start in the middle of a two-byte character
     last = _tail(path, layout)[-1]  # empty if the file ends with a line end, as most do
     fields = layout.split(last)
     if layout.is_data(last) and len(fields) < len(layout.kinds):

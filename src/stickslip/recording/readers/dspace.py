@@ -1,11 +1,12 @@
-"""Captures (recordings) of dSPACE boards in MAT files, in both layouts.
+"""Reader of captures (recordings) of dSPACE boards in MAT files, in two layouts.
 
-Flat: ``trace_x`` is the time [s] and each row of ``trace_y`` a signal, without names or units [kang2007, app.
-8]; files of this package have them in ``trace_names`` and ``trace_units``. Structure, as ControlDesk writes
-it: one variable with ``.X(j).Data``, the clocks, and ``.Y(k).Name``, ``.Y(k).Data``, the signals; with
-several clocks, ``.Raster`` of a signal is that of its clock.
+In the flat layout, ``trace_x`` is the time [s] and each row of ``trace_y`` a signal, without names or units
+[kang2007, app. 8]; files of this package have these in ``trace_names`` and ``trace_units``. In the structure
+that ControlDesk writes, one variable has the clocks ``.X(j).Data``, and the signals ``.Y(k).Name`` and
+``.Y(k).Data``. With several clocks, a signal and its clock have the same ``.Raster``.
 
-The clocks are the first channels; with one clock, the index of a signal is therefore its row or k in MATLAB.
+The clocks are the first channels. So with one clock, the index of a signal (from 0) is its row or k in MATLAB
+(from 1).
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
     samples = int(np.prod(trace_x.shape))
     if len(trace_y.shape) != 2 or samples not in trace_y.shape:
         raise RecordingError(f"trace_y has the shape {trace_y.shape}, trace_x {samples} samples")
-    # A square capture, with as many signals as samples, has signals in rows like all others.
+    # If there are as many signals as samples, rows are taken as signals, as is usual.
     axis = 1 if trace_y.shape[1] == samples else 0
     channels = [(array_parts({"trace_x": trace_x})[0], FileChannel("trace_x", "s", ("trace_x", 0), 0))]
     count = trace_y.shape[1 - axis]
@@ -56,7 +57,7 @@ def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
 
 
 def _texts(node: Any, count: int) -> list[str]:
-    """Return the texts of a cell array; empty texts if its length differs."""
+    """Return the `count` texts of a cell array; empty texts if it is missing or has another length."""
     known = isinstance(node, list) and len(node) == count
     return [_text(one) for one in node] if known else [""] * count
 

@@ -1,4 +1,4 @@
-"""Kinds of fields in a text file: numbers, marks for missing numbers, dates, and words."""
+"""Recognition of the fields of a text file: numbers, marks for missing numbers, dates, and words."""
 
 from __future__ import annotations
 
@@ -30,11 +30,13 @@ def _missing() -> frozenset[str]:
 
 # Texts in place of a missing, infinite or out-of-range number; `missing_values` adds further ones.
 MISSING = _missing()
-# Numbers with the same meaning: instruments write 9.9e37 (SCPI) or their largest number.
+# Smallest magnitude of a number that means a missing or out-of-range value: instruments write 9.9e37 (SCPI)
+# or
+# their largest number.
 OVERLOAD = 9.89e37
 
-# Regular expressions here match in one pass, without alternatives for the same characters, because a field
-# may be as long as a line.
+# These patterns have no two ways to match the same characters, so that the time does not grow out of bounds
+# for a field as long as a line.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?")
 FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # "1.0D-03"
 # Texts of Microsoft's C library for missing numbers: "1.#QNAN", "-1.#IND00", "1.#INFe+000".
@@ -42,24 +44,25 @@ LIBRARY = re.compile(r"[+-]?1[.,]#[A-Za-z]+\d*([eE][+-]?\d+)?")
 
 
 SPACE = r"\s+"  # white space as a delimiter
-# An error of Excel, such as "#N/A", is not a comment.
+# Signs that start a comment line; an error text of Excel, such as "#N/A", does not.
 COMMENT = re.compile(rf"\s*(#(?!{'|'.join(re.escape(one[1:]) for one in SHEET_ERRORS)})|%|//)+")
 
 
 def without_sign(line: str) -> str:
-    """Return a line without a comment sign at its start."""
+    """Return the line without the comment signs at its start, if any."""
     found = COMMENT.match(line)
     return line[found.end() :] if found else line
 
 
 class Signs(NamedTuple):
-    """Decimal sign, and texts for missing numbers."""
+    """Rules for fields of numbers: the decimal sign, and the texts that stand for missing numbers."""
 
     decimal: str
     missing: frozenset[str] = MISSING
 
     def kind(self, field: str) -> str:
-        """Return the kind of a field: "e" without a value, "n" a number, "d" a date or time, "s" words."""
+        """Return the kind of a field: "e" blank or a mark for a missing number, "n" a number, "d" a date or
+        time, "s" words."""
         if field in self.missing or LIBRARY.fullmatch(field):
             return "e"
         if _NUMBER.fullmatch(
@@ -69,12 +72,13 @@ class Signs(NamedTuple):
         return "d" if is_stamp(field) else "s"
 
     def kinds(self, fields: Sequence[str]) -> str:
-        """Return the kind of each field."""
+        """Return the kinds of the fields as a text with one letter for each, see `kind`."""
         return "".join(map(self.kind, fields))
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Return the fields of a line, without quotes."""
+    """Return the fields of a line, without quotes and surrounding blanks; `delimiter` is a sign or
+    `SPACE`."""
     if delimiter == SPACE:
         return [field.strip('"') for field in line.split()]
     if '"' not in line:

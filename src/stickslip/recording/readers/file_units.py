@@ -1,8 +1,8 @@
-"""Meaning of units in files of measurements, where the unit parser would take a short name for another unit.
+"""Units in measurement files whose short names the general unit parser would take for other units.
 
-"mil" is a thousandth of an inch in every data sheet, but an angle to the parser; "C" is a charge, but a
-degree for a temperature; "(rod)" names what was measured, but is a length of five metres to the parser. Units
-with several meanings in files are refused by name.
+"mil" is a thousandth of an inch in every data sheet, but an angle for the parser; "C" is a charge, but in a
+column of temperatures a degree; "(rod)" names the measured part, but is a length of five metres for the
+parser. Units with several meanings in files are refused.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .. import conversion
 from ..conversion import Conversion
 from .source import FileChannel
 
-# Meaning of units in files, in the parser's spelling.
+# Units as files spell them, and the spelling that the parser understands as the meant unit.
 _MEANT = {"MIL": "thou", "pct": "percent"}
 _MEANT |= {"rev": "turn", "revs": "turn", "gon": "grad", "cycle": "", "cycles": ""}
 _MIL = re.compile(r"\b[mM]ils?\b")
@@ -35,7 +35,7 @@ _UNSURE = {
 _WORDS = frozenset(
     ["hand", "rod", "pole", "perch", "link", "chain", "point", "pica", "act", "ch", "b", "B", "c", "D", "e"]
 )
-# Texts in round brackets after a name that are not units: a place, a role, a statistic.
+# Pattern of texts in round brackets after a column's name that are not units: a place, a role, a statistic.
 _ROLE = re.compile(
     r"left|right|top|bottom|upper|lower|front|rear|back|inner|outer|raw|filtered|smoothed|measured|actual|real|"
     r"set ?point|target|ref(erence)?|command(ed)?|cmd|demand|desired|input|output|in|out|sensor|encoder|"
@@ -80,24 +80,26 @@ def to_si_scale(text: str) -> Conversion:
     maxsize=10_000
 )  # number of columns that a file may have, each of which is checked several times
 def is_unit(text: str) -> bool:
-    """Return True if `to_si_unit` knows the unit."""
+    """Return True if `to_si_unit` accepts the text as a unit."""
     return conversion.is_unit(text, to_si_unit)
 
 
 def is_unit_of(name: str, text: str) -> bool:
-    """Return True if a text in round brackets after a name is its unit, not a word."""
+    """Return True if a text in round brackets after a column's name is a unit and not a word, such as "in"
+    after "Voltage"."""
     only = _ONLY_OF.get(text)
     return is_unit(text) and (only is None or only.search(name) is not None)
 
 
 def is_word(text: str) -> bool:
-    """Return True if a text in round brackets after a name is certainly not a unit: "left", "load cell"."""
+    """Return True if a text in round brackets after a column's name is certainly not a unit, such as "left"
+    or "load cell"."""
     several = len(text.split()) > 1 and "unit" not in text.lower()
     return text in _WORDS or text in _ONLY_OF or several or _ROLE.fullmatch(text) is not None
 
 
 def is_unsure(unit: str) -> bool:
-    """Return True if a unit has several meanings in files."""
+    """Return True if a unit has several meanings in files, so that `to_si_unit` refuses it."""
     return unit.strip() in _UNSURE
 
 
@@ -107,8 +109,8 @@ def in_seconds(channel: FileChannel) -> bool:
 
 
 def of_its_name(channel: FileChannel) -> FileChannel:
-    """Return the channel with a unit of one letter as its name suggests: [C] for a temperature becomes
-    degrees Celsius."""
+    """Return the channel with its one-letter unit replaced by the unit that its name suggests: C of a
+    temperature becomes degrees Celsius. Other channels are unchanged."""
     for unit, name, meant in _BY_NAME:
         if channel.unit == unit and name.search(channel.name):
             return channel._replace(unit=meant, header=channel.shown)

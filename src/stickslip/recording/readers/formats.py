@@ -15,7 +15,8 @@ from .. import RecordingError
 from .signatures import is_text, known_format, not_read
 from .source import Format
 
-# Formats that `read_recording` reads without a `Format`.
+# Name of the text format, which is not registered as a `Format`, its description in lists, and its file
+# endings.
 TEXT = "text"
 TEXT_LINE = (
     "Numbers in lines: CSV, TSV, LabVIEW's LVM, tables of oscilloscopes, with or without headers and units."
@@ -23,11 +24,12 @@ TEXT_LINE = (
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".lvm")
 
 
-_NAMES = 1000  # largest number of files in the folder that are compared with the name of a missing file
+_NAMES = 1000  # largest number of files in a folder that are compared with the name of a missing file
 
 
 def _near(path: Path) -> str:
-    """Return a hint: the missing folder, or the file with the most similar name."""
+    """Return a hint for the message on a missing file: that the folder is missing, or the file with the most
+    similar name."""
     if not path.parent.is_dir():
         return f": the folder {path.parent} is missing"
     names: list[str] = []
@@ -70,13 +72,14 @@ def find_format(path: Path) -> str:
 
 
 def _formats() -> list[Format]:
-    """Return the formats, those of the user and of other packages first."""
+    """Return all registered formats, those of the user and of other packages first, so that they are tried
+    first."""
     return sorted((one for _, one in registry.readers.all()), key=lambda one: not registry.origin(one.read))
 
 
 def _is_recording(path: Path, ending: str) -> bool:
-    """Return True if an HDF5 file is a recording of this package; a damaged file with its extension
-    counts."""
+    """Return True if an HDF5 file is a recording of this package (NetCDF or NeXus); a damaged file counts if
+    its extension is .nc."""
     from ...gate.hdf5 import has_attribute  # readers of text need not load HDF5
     from ...gate.nexus import ATTRIBUTES
 

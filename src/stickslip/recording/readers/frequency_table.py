@@ -1,8 +1,7 @@
-"""Frequency responses measured by other instruments or programs: tables of frequency, gain and phase.
+"""Reader of frequency responses of other instruments or programs: tables of frequency, gain and phase.
 
 Columns are found by their names: "Frequency (Hz)", "Gain (dB)", "Phase (deg)"; or real and imaginary parts,
-also made from complex numbers in MAT and NPZ files. Functions of frequency in a universal file (UFF) are read
-too.
+also from complex numbers in MAT and NPZ files. Frequency responses in a universal file (UFF) are read too.
 """
 
 from __future__ import annotations
@@ -31,7 +30,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Role of a column by its name; the first match counts.
+# Role of a column in a frequency response, and pattern of its name; the first match counts, and "" is for
+# columns without a role.
 _ROLES = (
     ("", r"log|unwrap|coher|group delay|time"),
     ("frequency", r"freq|frequenz|omega|\bhz\b|^[fwω]$|^wout$"),
@@ -39,9 +39,9 @@ _ROLES = (
     ("real", r"\breal\b|\bre\b"),
     ("imag", r"\bimag|\bim\b"),
     ("gain", r"gain|magn|\bmag\b|ratio|transfer|\bfrf\b|\|.*\||\bdb\b|^abs\b"),
-    ("amplitude", r"ampl"),  # amplitude sent or received, besides a gain
+    ("amplitude", r"ampl"),  # the gain only if no column has a name of a gain
 )
-# Units after a name that recordings do not have: "(dB)", "in °", "Phase_deg".
+# Pattern of units at the end of a header in spellings of frequency responses: "(dB)", "in °", "Phase_deg".
 _UNITS = re.compile(
     r"[\[(<]([^\[\]()<>:]+)[\])>]\s*$|\bin (\S+)\s*$|[,_/ ](dB|deg|degrees?|°|rad|Hz|kHz|MHz|rad/s)\s*$"
 )
@@ -54,8 +54,8 @@ _TWO_PI = 2.0 * np.pi
 
 
 class ResponseColumns(NamedTuple):
-    """Channels of a frequency response: the frequency, and for each output a pair of gain and phase, or of
-    real and imaginary parts."""
+    """Indices of the channels of a frequency response: the frequency, and for each output a pair: gain and
+    phase if `polar`, otherwise real and imaginary part."""
 
     frequency: int
     polar: bool
@@ -73,11 +73,11 @@ def read_frequency_response(
 
     Args:
         path: text, MAT, NPZ, HDF5 or another file of columns, or a universal file (UFF, data set 58).
-        columns: "frequency" with "gain" and "phase", or with "real" and "imag", -> column, as for
-            `read_recording`; by default found by their names, also for several outputs.
-        units: of "frequency" (Hz, rad/s), "gain" (dB, "1", "um/V") and "phase" (deg, rad); they override
-            the file. The unit of the gain also holds for real and imaginary parts.
-        scale: response at a gain of 1 (0 dB), with its unit: "0.5 um/V".
+        columns: column, as for `read_recording`, of "frequency" with "gain" and "phase", or with "real" and
+            "imag"; by default found by their names, also for several outputs.
+        units: units of "frequency" (Hz, rad/s), "gain" (dB, "1", "um/V") and "phase" (deg, rad), which
+            override those of the file. The unit of the gain is also used for real and imaginary parts.
+        scale: response, with its unit, that a gain of 1 (0 dB) stands for: "0.5 um/V".
 
     Returns:
         Over "frequency" [Hz, ascending], "output" and "input" the `response`, complex. It has no `deviation`:
@@ -106,7 +106,8 @@ def read_frequency_response(
 
 
 def response_columns(channels: Sequence[FileChannel]) -> ResponseColumns | None:
-    """Return the columns of a frequency response by their names; None if the channels are not one."""
+    """Return the columns of a frequency response, found by their names; None if the channels do not form
+    one."""
     roles = [_role(one) if one.numeric else "" for one in channels]
     frequency = [i for i, role in enumerate(roles) if role == "frequency"]
     if not frequency:
@@ -170,7 +171,7 @@ def _read(
 
 
 def _unit(channel: FileChannel) -> str:
-    """Return the unit of a column as its header has it, whether known or not."""
+    """Return the unit in a column's header, whether the package knows it or not; "" without one."""
     said = _UNITS.search(channel.shown)
     text = channel.unit or next((group for group in (said.groups() if said else ()) if group), "")
     text = text.strip()
@@ -178,7 +179,13 @@ def _unit(channel: FileChannel) -> str:
 
 
 def _frequency(channel: FileChannel, values: Array, said: str) -> Array:
-    """Return frequencies in Hz; without a unit they are in Hz unless the column is called omega."""
+    """Return the frequencies in Hz; `said` is the user's unit. Without any unit, values are taken to be in
+    Hz.
+
+    Raises:
+        RecordingError: the column is called omega and has no unit, the unit is wrong, or a frequency is
+            negative.
+    """
     unit = said or _unit(channel)
     if not unit:
         if _OMEGA.search(channel.name.strip()):
@@ -202,7 +209,14 @@ def _phase(channel: FileChannel, values: Array, said: str) -> Array:
 
 
 def _gain(channel: FileChannel, values: Array, said: str, scale: str, polar: bool) -> tuple[Array, str]:
-    """Return a gain (or a real part) as a ratio in SI, and its unit."""
+    """Return gains (or real or imaginary parts) times the scale, in SI, and their unit ("1" for a ratio).
+
+    Args:
+        channel, values: column and its values.
+        said: unit from the user; "": the column's unit.
+        scale: response that a gain of 1 stands for.
+        polar: True for a gain, which may be in dB.
+    """
     unit = said or (_unit(channel) if polar else channel.unit)
     whole = _converted(channel, scale, None, "scale", "a number and a unit, '0.5 um/V'")
     if _DECIBEL.match(unit) and polar:
@@ -226,8 +240,17 @@ def _product(own: str, scale: str) -> str:
 def _converted(
     channel: FileChannel, unit: str, of: tuple[str, ...] | None, name: str, expected: str
 ) -> Conversion:
-    """Return the conversion of a unit to SI; raises RecordingError if it is unknown, or of another
-    quantity."""
+    """Return the conversion of a unit, or of a number with a unit, to SI.
+
+    Args:
+        channel: column, for messages.
+        unit: text to convert.
+        of: allowed SI units; None: any.
+        name, expected: name of the quantity and description of its units, for messages.
+
+    Raises:
+        RecordingError: the unit is unknown or not allowed.
+    """
     try:
         number = re.match(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)", unit)
         factor, text = (float(number[1]), number[2].strip()) if number else (1.0, unit.strip())
@@ -252,8 +275,8 @@ def _ratio(unit: str) -> Conversion:
 
 
 def _of_functions(functions: Sequence[dict[str, Any]], said: str, scale: str, path: Path) -> xr.Dataset:
-    """Return the frequency response of functions in a universal file; outputs are response points, inputs
-    reference points."""
+    """Return the frequency response in the functions of a universal file, as a dataset: outputs are response
+    points, inputs reference points; `said` is the user's unit of the gain."""
     responses = [one for one in functions if one.get("func_type") in _RESPONSES]
     if not responses:
         raise RecordingError("the universal file (UFF) holds no frequency responses")
@@ -284,7 +307,8 @@ def _reference(one: dict[str, Any]) -> str:
 
 
 def _dataset(frequency: Array, values: NDArray[Any], unit: str, path: Path) -> xr.Dataset:
-    """Return the response sorted by frequency, without 0 Hz, which has no phase."""
+    """Return the dataset of a response [frequency, output, input], sorted by frequency, without 0 Hz, at
+    which there is no phase."""
     import xarray as xr
 
     order = np.argsort(frequency, kind="stable")

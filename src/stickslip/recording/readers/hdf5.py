@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS")
 _SECONDS_SINCE = " since "  # in units of NetCDF times: "seconds since 2020-02-20"
-_PLACES = (0, 512, 1024, 2048)  # possible starts of HDF5 content, after a block of another program
+_PLACES = (0, 512, 1024, 2048)  # offsets at which HDF5 content may start, after a block of another program
 
 
 class _Signal(NamedTuple):
-    """An array of numbers: its group, its unit, and the conversion from stored numbers to values."""
+    """An array of numbers: its group, its unit, and the conversion value = number * scale + offset; numbers
+    in `missing` stand for missing values."""
 
     group: str
     array: Hdf5Array
@@ -112,8 +113,11 @@ def _leaf(path: Path, signal: _Signal) -> Leaf:
 
 
 def _clocks(found: dict[str, _Signal], order: list[str]) -> dict[str, int | None]:
-    """Return the channel with the time of each array: the only one in its group with such a name and the same
-    length."""
+    """Return the index in `order` (names of the channels' arrays) of the time channel of each array, by name.
+
+    The time channel is the only array in the same group that has a name or unit of time and the same length;
+    None if there is none or several.
+    """
     clocks: dict[str, int | None] = {}
     for name, one in found.items():
         times = [

@@ -1,4 +1,4 @@
-"""Units in the names of columns, such as ``disp_um`` and ``timestamp_us``."""
+"""Recognition of units in the names of columns, such as ``disp_um`` and ``timestamp_us``."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import re
 
 from .source import FileChannel, is_clock, time_unit
 
-# Endings of names that are units, in the spelling of names. Of one-letter units, V counts anywhere, s after a
-# time, m after a length and a large N after a force only: "x_m" may be "measured", "force_n" the normal force
-# or one of n, and A is a channel as often as ampere or angstrom.
+# Endings of column names (in lower case) that are units, and the unit. Of one-letter units, V counts after
+# any
+# name, but s only after a time, m after a length and a capital N after a force: "x_m" may be "measured",
+# "force_n" the normal force or the n-th one. A never counts: it is a channel as often as ampere or angstrom.
 _ENDS = {"sec": "s", "msec": "ms", "usec": "us", "nsec": "ns", "v": "V", "mv": "mV", "kv": "kV", "uv": "uV"}
 _ENDS |= {
     "mn": "mN",
@@ -29,7 +30,7 @@ _ENDS |= {one: one for one in ("ms", "us", "ns", "pm", "nm", "um", "mm", "cm", "
 _ENDS |= {one: one for one in ("uin", "mil", "thou")}
 _ENDS |= {f"{one}_{per}": f"{one}/s" for one in ("nm", "um", "mm", "m") for per in ("s", "per_s")}
 _ENDS |= {"s": "s", "m": "m", "n": "N"}
-# The shortest possible name comes first, so that "v_m_s" ends with m_s, not with s.
+# The name before the unit is matched as short as possible, so that the unit of "v_m_s" is m_s and not s.
 _ENDED = re.compile(
     rf"(?P<name>.*?[^\W_])[_ ](?P<unit>{'|'.join(sorted(_ENDS, key=len, reverse=True))})", re.I
 )
@@ -53,7 +54,7 @@ def named_unit(channel: FileChannel) -> FileChannel:
 
 
 def ends_in_m(name: str) -> bool:
-    """Return True if a length's name ends with "_m", which can mean metres or "measured"."""
+    """Return True if a name of a length ends with "_m" or " m", which can mean metres or "measured"."""
     return name[-2:].lower() in ("_m", " m") and _LENGTH.search(name) is not None
 
 
