@@ -24,7 +24,7 @@ class RigError(RuntimeError):
 
 
 class StopRequested(RigError):
-    """A run ended because a stop was requested. The interlock takes this for no fault, unless the program that
+    """A run ended because a stop was requested. For the interlock this is no fault, unless the program that
     started the run is gone."""
 
 
