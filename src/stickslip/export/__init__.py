@@ -1,4 +1,4 @@
-"""Export of a model as code: portable C, and FMUs of it."""
+"""Export of a model as code: portable C99, and functional mock-up units (FMUs) made from the same C."""
 
 from ..engine.translator import TranslationError as TranslationError
 from .mockup import export_fmu as export_fmu

@@ -1,4 +1,4 @@
-"""modelDescription.xml of an FMU, for FMI 2.0 and 3.0."""
+"""Write the XML files of an FMU for FMI 2.0 and 3.0: modelDescription.xml and buildDescription.xml."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from xml.etree import ElementTree as xml
 from .._version import __version__
 from .variables import MEASURED, ModelVariable
 
-# Base units of what occurs; a unit without them is only a name.
+# Exponents of the base units of each unit that occurs. An importer knows any other unit only by its name.
 _BASE = {
     "m": {"m": 1}, "s": {"s": 1}, "kg": {"kg": 1}, "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
     "N": {"kg": 1, "m": 1, "s": -2}, "m/s": {"m": 1, "s": -1}, "m/s2": {"m": 1, "s": -2},
@@ -28,13 +28,13 @@ def model_description(
     """Return the text of modelDescription.xml.
 
     Args:
-        version: of FMI, 2 or 3.
-        identifier: name of the binary and of the model in C.
-        token: GUID that the importer must return.
+        version: version of FMI, 2 or 3.
+        identifier: model identifier, which is also the name of the binary.
+        token: GUID in braces, which the importer passes to the binary so that both belong together.
         title: description of the model in one line.
-        made: date and time, ISO 8601 with Z.
-        found: all variables.
-        step: s, of the default experiment.
+        made: date and time of the export, ISO 8601 in UTC.
+        found: all variables of the FMU.
+        step: s, suggested communication step (that of the default experiment).
     """
     name = {2: "guid", 3: "instantiationToken"}[version]
     root = xml.Element("fmiModelDescription", {
@@ -42,7 +42,7 @@ def model_description(
         "version": __version__, "generationTool": f"stickslip {__version__}", "generationDateAndTime": made,
         "variableNamingConvention": "structured", "license": "BSD-3-Clause",
     })  # fmt: skip
-    # The gain of an observer is for one step.
+    # The gain of an observer is valid only for the step of its export.
     varied = "false" if any(v.name == MEASURED for v in found) else "true"
     can = {"modelIdentifier": identifier, "canHandleVariableCommunicationStepSize": varied}
     if version == 2:
@@ -86,12 +86,12 @@ def model_description(
 
 
 def sources(version: int) -> tuple[str, ...]:
-    """Return the names of the C files that are compiled for a version of FMI."""
+    """Return the names of the C files that are compiled for a version of FMI, 2 or 3."""
     return ("stickslip.c", "stickslip_parameters.c", f"fmi{version}.c")
 
 
 def build_description(identifier: str) -> str:
-    """Return the text of sources/buildDescription.xml of FMI 3.0."""
+    """Return the text of sources/buildDescription.xml, by which importers of FMI 3.0 compile the sources."""
     root = xml.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     build = xml.SubElement(root, "BuildConfiguration", {"modelIdentifier": identifier})
     files = xml.SubElement(build, "SourceFileSet", {"language": "C99"})
@@ -111,7 +111,7 @@ def _units(root: xml.Element, found: list[ModelVariable]) -> None:
 
 
 def _number(value: float) -> str:
-    """Return a number as XML text; infinity becomes the largest double."""
+    """Return a number as text for XML; infinity, which FMI does not allow, becomes the largest double."""
     return repr(math.copysign(sys.float_info.max, value)) if math.isinf(value) else repr(float(value))
 
 

@@ -1,4 +1,5 @@
-"""stickslip_equations.h: the equations of a model in C, translated from what the solvers compile."""
+"""Write stickslip_equations.h and stickslip_layout.h: a model's equations in C, translated from the Python
+functions that the package's solvers compile."""
 
 from __future__ import annotations
 
@@ -39,21 +40,22 @@ from .signal_chain import (
     sensor_output,
 )
 
-# Records whose `_check` is not translated: of the models, of lengths, which cannot change, and of a piezo,
-# whose plays and lags stay bounded whatever their values are.
+# Records whose `_check` is not translated to C: most of its conditions are on types and array lengths, which
+# C code cannot change. The order of the voltage limits, and of a MaxwellCapacitor's elements, has C checks of
+# its own. A piezo's plays and creep stay bounded for all values.
 UNCHECKED = (Actuator, PulledSlider, StageModes, Piezo, PrandtlIshlinskii, MaxwellCapacitor, Creep)
 
 
-# Macros of the engine that do not depend on the layout.
+# Macros of the engine's sizes that are the same for every layout of the model.
 _SAME = ("OF(name)", "WATCHED(test)")
 
 
 class SignalChain(NamedTuple):
-    """Parts between a program and the actuator (amplifier, capacitance, sensor); each may be missing."""
+    """Devices between a control program and the actuator; each is None if it is missing."""
 
     amplifier: Amplifier | None = None
-    capacitance: float | None = None  # F, of the piezo; with the amplifier
-    sensor: StrainGauge | Chain | None = None  # on the end-effector
+    capacitance: float | None = None  # capacitance of the piezo that the amplifier charges, F
+    sensor: StrainGauge | Chain | None = None  # sensor of the end-effector's position, or its signal chain
 
 
 def equations(model: Any, chain: SignalChain, step: float, any_layout: bool) -> str:
@@ -62,8 +64,9 @@ def equations(model: Any, chain: SignalChain, step: float, any_layout: bool) -> 
     Args:
         model: actuator or pulled slider.
         chain: amplifier and sensor.
-        step: s.
-        any_layout: whether parameters may change which parts move, unless the code is compiled otherwise.
+        step: s, integration step of the exported code, which spaces the stored positions of a delay.
+        any_layout: default of STICKSLIP_ANY_LAYOUT: if True, parameters may change which bodies and elements
+            the model has.
 
     Raises:
         TranslationError: a function of the law is outside the subset that can be translated.
@@ -107,7 +110,8 @@ _HEAD = """#ifndef STICKSLIP_EQUATIONS_H
 
 
 def _law(made: Translation, law: Any) -> list[str]:
-    """Return C lines with the friction law in the engine's form and the numbers of each of its elements."""
+    """Return C lines with the friction law in the form that the engine calls, and a function that fills in
+    the numbers of each of its elements."""
     name, kind, one = type(law).__name__, record_type(law), element(law, 0)
     inner, count = record_type(one), elements(law)
     whole, static = _implementation(law), "breakaway" in functions(type(one))
@@ -144,7 +148,11 @@ def _calls(head: str, arguments: str, body: str) -> str:
 
 
 def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
-    """Return C lines of the amplifier and the sensor, if there are any."""
+    """Return C lines of the amplifier and the sensor, if there are any; `step` is the integration step, s.
+
+    Raises:
+        QuantityError: the delay of the position channel is negative.
+    """
     kind = record_type(chain)
     if not kind.fields:
         struct = "typedef struct { char unused; } stickslip_signal_chain;"
@@ -157,7 +165,8 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
     delay = chain.sensor.delay if isinstance(chain.sensor, Chain) else None
     if delay is not None and delay < 0.0:
         raise QuantityError(f"Chain.delay = {delay:g} s is out of range: what is exported cannot be early")
-    # Positions that are kept for a channel that is late, each half step: one on either side of what it shows.
+    # Number of past positions, half a step apart, that are stored for a delayed channel: enough to have one
+    # before and one after the delayed time.
     kept = 0 if delay is None else 2 * math.ceil(delay / step * (1.0 - 1e-9)) + 2
     output = ""
     spacing = f"#define STICKSLIP_LATE_SPACING {0.5 * step!r} /* s, of these positions */"
@@ -196,22 +205,23 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
 
 
 def room(model: Any) -> dict[str, Any]:
-    """Return the engine's array sizes for the model in each layout that its parameters allow."""
+    """Return the engine's array sizes by macro name: the largest over all layouts that the parameters
+    allow."""
     port, law = getattr(model, "two_port", None), model.friction
     further = getattr(model, "further_modes", None)
     modes = 2 + (len(further.gain) if further is not None else 0)
     stops = len(port.stiffnesses) if port is not None else 0
     return {
         "LARGEST_MODES": modes,
-        # gcc warns of loops over one.
+        # The size depends on the macro, because gcc warns of loops over one element.
         "LARGEST_ELEMENTS": "(1 + STICKSLIP_ANY_LAYOUT)" if port is None else "2",
         "LARGEST_STATES": 2 * modes + elements(law) + stops,
     }
 
 
 def layout(model: Any) -> str:
-    """Return the text of stickslip_layout.h: the engine's sizes for this model's layout, and for any layout
-    that its parameters allow."""
+    """Return the text of stickslip_layout.h without its first comment: the engine's sizes for this model's
+    layout or, with STICKSLIP_ANY_LAYOUT, for any layout that its parameters allow."""
     fixed = sizes(system(model).plant, "stickslip")
     free = {name: fixed[name] for name in _SAME}
     any_plant, this_plant = (
@@ -225,7 +235,8 @@ def layout(model: Any) -> str:
 
 
 def _limits(kind: Record) -> str:
-    """Return the limits of the input as C text; infinite where the model has none."""
+    """Return two C functions, of the lower and the upper limit of the input; infinite if the model has
+    none."""
     lines = []
     for end, field, none in (("low", "min_voltage", "-INFINITY"), ("high", "max_voltage", "INFINITY")):
         has = field in dict(kind.fields)
@@ -235,7 +246,15 @@ def _limits(kind: Record) -> str:
 
 
 def _checks(made: Translation, owner: str, kind: Record) -> list[str]:
-    """Return C lines that return an error for a record's values: first their ranges, then their relations."""
+    """Return C lines that return an error message if values of a record are wrong.
+
+    The ranges of the single values are checked first, then the relations between values.
+
+    Args:
+        made: translation, to which the record's own check is added.
+        owner: C expression of the record.
+        kind: type of the record.
+    """
     lines, specs = [], quantities(kind.record_class)
     arrow = "->" if "->" not in owner and "." not in owner else "."
     for name, inner in kind.fields:
@@ -264,7 +283,10 @@ def _checks(made: Translation, owner: str, kind: Record) -> list[str]:
 
 
 def _allowed(spec: Quantity, field: str) -> str:
-    """Return the range of a field as a C condition, false for NaN; infinity is allowed only as a limit."""
+    """Return the C condition that a field is in its range.
+
+    It is false for NaN, and for infinity unless infinity is an end of the range.
+    """
     parts = []
     for sign, limit in ((">=", spec.minimum), (">", spec.above), ("<=", spec.maximum), ("<", spec.below)):
         if limit is not None:

@@ -1,5 +1,5 @@
-"""Compute the observer's gain: among the Kalman filters for the states of the contact, the one that is best
-in the worst state."""
+"""Compute the gain of the observer: of the Kalman filters for single states of the contact, the one with the
+smallest error in its worst state of the contact."""
 
 from __future__ import annotations
 
@@ -13,38 +13,41 @@ from ..friction import elements
 from .linear import Method, S, W, X, Y, Z, contacts
 
 Matrix = NDArray[np.float64]
-# Largest growth of an error in one step in a state through which the contact only passes, where friction
-# falls with speed.
+# Spectral radius of the transition over one step above which the contact cannot stay in a state but only
+# passes through it, as where friction falls with speed.
 _RUNS_AWAY = 1.001
-# Largest amplification of one part of an error into another in a step; beyond it the rounding of a float
-# dominates.
+# Largest matrix element of the scaled transition over one step (2^24, a float's resolution); with a larger
+# one rounding in single precision dominates.
 _HELD = 2.0**24
-# Pairs of shares of an error by which the position of the end-effector, and its velocity over the step, are
-# corrected alone: for steps longer than a period of stage and contact, after which a deflection has decayed.
+# Gains that correct only the end-effector: fractions of the position error by which its position, and its
+# velocity times the step, are corrected. They serve steps longer than a period of stage and contact, in which
+# an error of the bristle's deflection decays.
 _SHARES = ((1.0, 0.0), (1.0, 0.01), (1.0, 0.1), (1.0, 0.5), (0.3, 0.03), (0.1, 0.003))
-# Number of doublings for 2^36 steps: an error that falls by less than a part in 1e10 a step
-# counts as growing.
+# Number of doublings of the number of steps, to 2^36. An error that falls by less than 5e-10 of itself a step
+# has not decayed by then, and counts as growing.
 _DOUBLINGS = 36
 
 
 @single_threaded
 def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
-    """Return the gain of the observer, or None.
-
-    The gain says how stage position and velocity (of its first mode), end-effector position and velocity,
-    bristles, and each further mode's position and velocity follow a measured position; shape (5 + 2 further
-    modes,). None if no gain bounds the error wherever the contact stays.
+    """Return the gain of the observer, or None if no gain bounds the error wherever the contact can stay.
 
     The motion is linearised at each possible state of the contact (`contacts`). The Kalman filter of each
-    state, and gains that correct the end-effector alone, are tried in all states; the one with the smallest
-    worst stationary error is taken. The error may grow in states that the contact only passes, where friction
-    falls with speed and the model itself diverges. Unknown forces are white, a tenth of the friction on both
-    bodies. A stage that follows the input is not corrected.
+    state, and gains that correct only the end-effector, are tried in all states. The gain with the smallest
+    stationary error in its worst state is taken. The error may grow in states that the contact only passes
+    through, where friction falls with speed and the model itself diverges. The filters assume unknown forces
+    on both bodies as white noise of a tenth of the friction. A stage that follows the input exactly is not
+    corrected.
 
     Args:
         model: actuator or pulled slider.
-        h: s, the step.
+        h: s, the time between two measured positions.
         noise: m, standard deviation of a measured position.
+
+    Returns:
+        Corrections per metre of position error, shape (5 + 2 further modes,): position (1) and velocity (1/s)
+        of the stage's first mode, position and velocity of the end-effector, bristle deflection (1), then
+        position and velocity of each further mode of the stage.
     """
     method, law = Method(model, h), model.friction
     states, friction = contacts(law, h, method.push[S])
@@ -53,7 +56,7 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     gain = np.zeros(method.size)
     if not wanted:
         return gain
-    # Scaled, for positions and velocities are far apart.
+    # Positions are scaled by the noise and velocities by the noise over a step, so that both are of order 1.
     scale = np.full(method.size, noise)
     scale[[W, S, *(i + 1 for i in method.stage)]] /= h
     c = np.zeros((1, method.size))
@@ -64,7 +67,7 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     stays = np.max(np.abs(np.linalg.eigvals(steps)), axis=1) < _RUNS_AWAY
     if np.max(np.abs(steps[stays]), initial=0.0) > _HELD:
         return None
-    # States without correction have errors too, except those known exactly.
+    # Errors are computed also for states that no gain corrects, but not for states that are known exactly.
     whole = wanted if method.clamped or method.kinematic else list(range(method.size))
     whole = [i for i in whole if i != Z or elements(law)]
     filters = np.zeros((len(steps) + len(_SHARES), method.size))
@@ -87,7 +90,7 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
 
 
 def _corrected(method: Method, static: bool) -> list[int]:
-    """Return the indices of the corrected states."""
+    """Return the indices of the states that the gain corrects; `static` means a law without bristles."""
     stage = [j for i in method.stage if i != Y or not method.kinematic for j in (i, i + 1)]
     if method.clamped:
         return stage
@@ -98,18 +101,21 @@ def _of(matrices: Matrix, parts: list[int]) -> Matrix:
     return matrices[..., parts, :][..., parts]
 
 
-@np.errstate(all="ignore")  # gains with growing errors are rejected
+@np.errstate(all="ignore")  # a diverging iteration overflows; its gains are rejected
 def kalman_gains(steps: Matrix, seen: Matrix, noises: Matrix) -> Matrix:
-    """Return the gains of the Kalman filters of some parts of the state, shape (states, parts); NaN where the
-    others leave none.
+    """Return the gains of the Kalman filters for several states of the contact.
 
-    Solves the Riccati equations :math:`P = A P A^T - A P c^T (c P c^T + 1)^{-1} c P A^T + Q` of all states at
-    once by the structure-preserving doubling algorithm [chu2004].
+    The Riccati equations :math:`P = A P A^T - A P c^T (c P c^T + 1)^{-1} c P A^T + Q` of all contact states
+    are solved at once by the structure-preserving doubling algorithm [chu2004].
 
     Args:
-        steps: A, shape (states, parts, parts).
-        seen: c, of the measured position over its noise, shape (parts,).
-        noises: Q, shape (parts, parts).
+        steps: A, transition of the corrected parts of the state over a step in each contact state, shape
+            (states, parts, parts).
+        seen: c, measured position over its noise as a function of the parts, shape (parts,).
+        noises: Q, covariance of the disturbance in a step, shape (parts, parts).
+
+    Returns:
+        The gains, shape (states, parts); NaN for a contact state in which no filter is stable.
     """
     count, size = steps.shape[:2]
     gains = np.full((count, size), np.nan)
@@ -137,7 +143,7 @@ def kalman_gains(steps: Matrix, seen: Matrix, noises: Matrix) -> Matrix:
 
 
 def _solved(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
-    """Return the solution of each system of a stack; NaN for singular ones."""
+    """Return the solutions of a stack of linear systems `left` x = `right`; NaN for singular systems."""
     try:
         return np.linalg.solve(left, right)
     except np.linalg.LinAlgError:
@@ -148,17 +154,21 @@ def _solved(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
 
 @np.errstate(all="ignore")
 def stationary_errors(steps: Matrix, seen: Matrix, noises: Matrix, gains: Matrix) -> Matrix:
-    r"""Return the standard deviation of the corrected position relative to that of a measured one, for each
-    gain in each state, shape (gains, states); infinite where the error grows.
+    r"""Return the stationary error of an observer for each gain in each state of the contact.
 
-    The sum :math:`P = \sum_k A^k Q (A^k)^T` by doubling the number of its terms [smith1968]: all of them are
-    positive semi-definite, so that no rounding is blown up by a system of equations.
+    The covariance :math:`P = \sum_k A^k Q (A^k)^T` of the corrected state is summed by doubling the number of
+    terms [smith1968]. All terms are positive semi-definite, so rounding errors are not amplified as by
+    solving a system of equations.
 
     Args:
-        steps: shape (states, parts, parts).
-        seen: of the measured position over its noise, shape (parts,).
-        noises: covariance of what the model does not know in a step, shape (parts, parts).
-        gains: shape (gains, parts).
+        steps: transition of an error over a step in each contact state, shape (states, parts, parts).
+        seen: measured position over its noise as a function of the parts, shape (parts,).
+        noises: covariance of the disturbance in a step, shape (parts, parts).
+        gains: the gains to be tried, shape (gains, parts).
+
+    Returns:
+        Standard deviation of the corrected position over that of a measured position, shape (gains, states);
+        infinite where the error grows.
     """
     shape = (len(gains), len(steps))
     left = np.eye(seen.size) - gains[:, :, None] * seen

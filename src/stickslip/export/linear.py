@@ -1,5 +1,7 @@
-"""Linearise the motion over one step about a state of the contact: the matrix that propagates a small
-error."""
+"""Linearise the motion over one step about a state of the contact, for the observer's gain.
+
+The result is the matrix that propagates a small error of the state over the step.
+"""
 
 from __future__ import annotations
 
@@ -14,28 +16,33 @@ from ..simulation.models import mechanism, stage_mode
 
 Matrix = NDArray[np.float64]
 
-# Order of the state: position and velocity of the stage (first mode) and of the end-effector, the bristles as
-# one, then position and velocity of each further mode of the stage.
+# Indices of the state vector: position Y and velocity W of the stage (first mode), position X and velocity S
+# of the end-effector, deflection Z of all bristles as one. From MORE on: position and velocity of each of the
+# stage's further modes.
 Y, W, X, S, Z, MORE = range(6)
-# Largest ratio of a step to the relaxation time of a bristle; beyond it the bristle is at its equilibrium.
+# Largest ratio of a step to a bristle's relaxation time; a faster bristle is slowed down to this ratio, which
+# changes nothing, because it reaches its equilibrium within a step anyway.
 _FASTEST = 1e4
 
 
 class ContactSlopes(NamedTuple):
-    """Slopes of a contact, its bristles taken as one: F = force_z z + force_v v, dz/dt = a v + b z.
+    """Linearised friction, with all bristles as one: F = force_z z + force_v v, dz/dt = a v + b z.
 
-    `rests` is the true rest of a law without presliding, which holds v = 0.
+    F is the friction force, v the sliding velocity and z the deflection of the bristle, each as a small
+    change. `rests` is True for a contact without presliding that sticks, where v = 0 replaces the equations.
     """
 
-    force_z: float = 0.0  # N/m
-    force_v: float = 0.0  # N s/m
+    force_z: float = 0.0  # change of friction force per deflection, N/m
+    force_v: float = 0.0  # change of friction force per sliding velocity, N s/m
     a: float = 0.0
-    b: float = 0.0  # 1/s
+    b: float = 0.0  # relaxation rate of the deflection (negative), 1/s
     rests: bool = False
 
 
 class Method:
-    """Linearised motion of stage, end-effector and bristle over a step, about a state of the contact.
+    """Linearised motion of stage, end-effector and bristle over a step; `after` adds the contact.
+
+    `size` is the number of states. `stage` are the indices of the stage's positions, one for each mode.
 
     Args:
         model: actuator or pulled slider.
@@ -58,7 +65,7 @@ class Method:
             mode = stage_mode(gain, omega, zeta)
             a[row, row + 1], a[row + 1, row], a[row + 1, row + 1] = 1.0, -mode.stiffness, -mode.damping
             push[row + 1] = -1.0 / mass if mech.reaction else 0.0
-        # An unknown force acts on each body: shape (size, 2), of the stage and of the end-effector.
+        # Accelerations by a unit force on the stage and on the end-effector, shape (size, 2).
         self.forces = np.zeros((self.size, 2))
         self.forces[[i + 1 for i in self.stage], 0] = [abs(push[i + 1]) or mech.mobility for i in self.stage]
         self.forces[S, 1] = mech.mobility
@@ -67,15 +74,15 @@ class Method:
         self.motion, self.push = a, push
 
     def after(self, contact: ContactSlopes) -> Matrix:
-        """Return the transition of a small error of the state over a step, shape (size, size)."""
+        """Return the matrix that propagates a small error of the state over a step, shape (size, size)."""
         a, push, start = self.motion.copy(), self.push, np.eye(self.size)
-        if self.kinematic:  # the stage is where its input is, whatever it was
+        if self.kinematic:  # the stage's position is given by the input, so its errors vanish
             start[[Y, W]] = 0.0
-        if self.clamped:  # the end-effector moves with the stage
+        if self.clamped:  # the end-effector is fixed to the stage, so its position is the sum of all modes
             made = np.asarray(scipy.linalg.expm(a * self.h), np.float64) @ start
             made[X], made[S] = made[self.stage].sum(axis=0), made[[i + 1 for i in self.stage]].sum(axis=0)
             return made
-        if contact.rests:  # friction ends an error of the speed at once, and holds
+        if contact.rests:  # friction stops an error of the sliding velocity at once, and keeps it zero
             keeps = np.eye(self.size) - np.outer(push, self.speed) / (self.speed @ push)
             return np.asarray(scipy.linalg.expm(keeps @ a * self.h) @ keeps @ start, np.float64)
         shrinks = min(_FASTEST / max(-contact.b * self.h, 1e-300), 1.0)
@@ -86,13 +93,15 @@ class Method:
 
 
 def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], float]:
-    """Return the states in which a contact can be (sticking at some deflections, sliding at some speeds), and
-    the force that it can hold, N.
+    """Linearise a contact in several states: sticking at some deflections, and sliding at some speeds.
 
     Args:
         law: friction law.
         h: s, the step.
-        mobility: 1/kg, change of the sliding acceleration per force.
+        mobility: 1/kg, acceleration of the end-effector per friction force.
+
+    Returns:
+        The linearised contact in each state, and the largest friction force of the contact at low speed, N.
     """
     parts = [element(law, i) for i in range(max(elements(law), 1))]
     if elements(law) == 0:
@@ -110,7 +119,8 @@ def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], 
         at = [min(share * longest, z) for z in far]
         for v in (1e-6, -1e-6):
             stuck = _slopes(parts, at, v, rest=True)
-            # A spring that never slips swings for ever, in no contact: what slides renews its bristles.
+            # A bristle without relaxation would oscillate for ever. In a real contact even slow sliding
+            # renews the bristles, so a deflection decays over a sliding distance of the largest deflection.
             made.append(stuck._replace(b=min(stuck.b, -abs(v) / longest)))
     for v in (share * longest / h for share in (0.03, 0.3, 3.0, 30.0)):
         made.append(_slopes(parts, [_still(one, v) for one in parts], v, rest=False))
@@ -118,7 +128,7 @@ def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], 
 
 
 def _still(one: Any, v: float) -> float:
-    """Return the deflection at which sliding at v [m/s] leaves the bristle unchanged, m."""
+    """Return the deflection of a bristle, m, in steady sliding at v [m/s]."""
     low, high = 0.0, 1.0
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -127,7 +137,14 @@ def _still(one: Any, v: float) -> float:
 
 
 def _slopes(parts: list[Any], at: list[float], v: float, rest: bool) -> ContactSlopes:
-    """Return the slopes of all elements as one, at rest on the way to v [m/s], or sliding at v."""
+    """Linearise all elements of a contact as one.
+
+    Args:
+        parts: the elements of the law.
+        at: deflection of each element, m.
+        v: sliding velocity, m/s.
+        rest: if True, the slopes over velocity are secants from rest to v; otherwise tangents at v.
+    """
     force_z = force_v = taken = given = 0.0
     for one, z in zip(parts, at, strict=True):
         d, other = 1e-6 * max(at) + 1e-15, 0.0 if rest else 0.999 * v

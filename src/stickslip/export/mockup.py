@@ -57,20 +57,22 @@ def export_fmu(
 
     Args:
         source, amplifier, piezo_capacitance, sensor, chain, measurement_noise: as for `export_c`.
-        out: the folder to make; the FMU in it is called after the model.
+        out: the folder to make; the FMU in it is named after the model and the mode.
         fmi: 2 or 3.
         mode: "plant" (voltage in, displacement out), "observer" (voltage and measured displacement in, states
             out) or "feedforward" (wanted motion in, voltage out).
         step: s, the longest internal step, a parameter of the FMU; of an observer, which has one gain, the
             communication step.
-        compiler: command for the binary; "" leaves it out, and the importer compiles the sources.
+        compiler: command that compiles the binary; "" leaves the binary out, and the importer compiles the
+            sources.
 
     Returns:
-        The FMU.
+        The path of the FMU.
 
     Raises:
-        ExportError: nothing that can be exported, `out` exists, a wrong mode or version, no compiler.
-        TranslationError, ParameterSetError, QuantityError: as `export_c`.
+        ExportError: the source cannot be exported in this mode or version, `out` exists, or the compiler is
+            missing or fails.
+        TranslationError, ParameterSetError, QuantityError: for the same reasons as from `export_c`.
     """
     h = checked_step(step)
     farad = optional_si(piezo_capacitance, "F", "piezo_capacitance")
@@ -134,7 +136,11 @@ def export_fmu(
 
 
 def _compile(compiler: str, root: Path, fmi: int, identifier: str) -> None:
-    """Compile the sources to a shared library for 64-bit Linux."""
+    """Compile the sources in the folder `root` of an FMU to a shared library for 64-bit Linux.
+
+    Raises:
+        ExportError: the compiler fails; the message has its errors.
+    """
     target = root / "binaries" / _BINARIES[fmi]
     target.mkdir(parents=True)
     command = [

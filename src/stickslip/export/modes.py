@@ -1,5 +1,5 @@
-"""Write the further modes of the stage in C: their numbers are translated, the engine's plant contains
-them."""
+"""Write the stage's vibration modes after its first in C: the functions that give their numbers to the
+engine, which simulates them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from ..simulation.models import stage_mode
 
 
 def modes_c(made: Translation, model: Any) -> list[str]:
-    """Return the C of the further modes of a stage: their number, values, and response to a force."""
+    """Return C lines of a stage's modes after the first: their number and, if there are any, functions of
+    their values and of their acceleration by the contact's force."""
     modes = getattr(model, "further_modes", None)
     count = 0 if modes is None else len(modes.gain)
     lines = [f"#define STICKSLIP_FURTHER {count} /* modes of the stage after its first */"]

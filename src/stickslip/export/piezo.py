@@ -1,8 +1,9 @@
-"""Write hysteresis and creep in C: loops over the functions of `stickslip.physics.piezo`, which are
-translated.
+"""Write hysteresis and creep of a piezo in C, as loops over translated functions of
+`stickslip.physics.piezo`.
 
-Within a step the voltage is linear in time, and so is the output of the hysteresis between its corners; creep
-is exact for such an input. The stops of a two-port are an element of the engine's plant.
+Within a step the voltage is linear in time. The hysteresis output is taken as linear, too, and creep is exact
+for a linear input. The elements of a `MaxwellCapacitor` (a two-port: charge and force act on each other) are
+simulated by the engine.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from ..simulation.two_port import PER_VOLT
 
 
 def refused(piezo: Piezo | None) -> str:
-    """Return why a piezo cannot be exported; an empty text if it can."""
+    """Return the reason why a piezo model cannot be exported, as a sentence; "" if it can."""
     if piezo is None:
         return ""
     hystereses = PrandtlIshlinskii | BoucWen | MaxwellCapacitor
@@ -36,7 +37,8 @@ def refused(piezo: Piezo | None) -> str:
 
 
 def piezo_c(made: Translation, piezo: Piezo | None) -> list[str]:
-    """Return the C functions of a piezo that the step method calls."""
+    """Return C lines of a piezo's hysteresis and creep: the numbers of their states, and the functions that
+    the step method calls."""
     hysteresis, creep = (None, None) if piezo is None else piezo
     port = isinstance(hysteresis, MaxwellCapacitor)
     counts = {
@@ -84,7 +86,7 @@ def felt(gain, stage_mass, natural_frequency, capacitance):  # type: ignore[no-u
 
 
 def two_port_c(made: Translation, model: Any) -> list[str]:
-    """Return C lines for the stops of a two-port, if the model has one."""
+    """Return C lines for the elements ("stops") of a `MaxwellCapacitor`; none if the model has none."""
     port = getattr(model, "two_port", None)
     if port is None:
         return []
@@ -127,7 +129,8 @@ def two_port_c(made: Translation, model: Any) -> list[str]:
 
 
 def two_port_checks(model: Any) -> list[str]:
-    """Return C lines that report a wrong order of a two-port's elements."""
+    """Return C lines that return an error if the elements of a `MaxwellCapacitor` do not slip in their
+    order."""
     port = getattr(model, "two_port", None)
     of = "model->piezo.hysteresis"
     said = "MaxwellCapacitor: the charges at which the elements slip must ascend"

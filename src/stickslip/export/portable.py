@@ -1,4 +1,4 @@
-"""Export of a model as portable C."""
+"""Export a model as portable C99: the library files and example programs."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from .values import parameters_c, plain
 from .writing import whole
 
 C = Path(__file__).parent / "c"
-# Bandwidth of an amplifier of which only the slew rate is known, Hz.
+# Bandwidth that an amplifier gets if only its slew rate is known, Hz: so large that it has no effect.
 AT_ONCE = 1e7
-# Part of a period in which the default sawtooth falls, for a model that cannot follow a jump: 0.4 ms, 20
-# default steps.
+# Fraction of the period in which the default sawtooth (5 Hz) falls, for a model that cannot follow a jump:
+# 0.4 ms, 20 default steps.
 FALL = 0.002
 CORE = ("stickslip.c", "stickslip.h", "stickslip_follow.h", "stickslip_player.h")
 _INCLUDED = re.compile(r'^#include "(?:engine/)?([^"]+)"', re.MULTILINE)
@@ -63,14 +63,15 @@ def export_c(
         source: an `Actuator` or `PulledSlider`, a `Fit` of one, the name or file of a parameter set, or the
             results.json of ``stickslip identify`` on a walk.
         out: new folder.
-        step: s, of the example programs and of the observer's gain; the code takes any.
+        step: s, time step of the example programs and of the observer's gain; the plant takes any step.
         waveform: waveform of the example; by default a sawtooth of 65 V (or what the actuator takes) and 5
             Hz, which falls in 0.4 ms where the model cannot follow a jump (a static stage with a presliding
             law, a `MaxwellCapacitor`).
-        duration: s, of the waveform; by default its own, or eight periods.
+        duration: s, played part of the waveform; by default its own duration, or eight periods if that is
+            infinite.
         motion: motion of the feedforward example, a waveform in m; by default a sine of a tenth of the
             stroke.
-        amplifier: between the input and the piezo; needs the `piezo_capacitance` [F].
+        amplifier: amplifier between the input and the piezo; needs the `piezo_capacitance` [F].
         sensor: a linear sensor on the end-effector, with its bandwidth.
         chain: signal chain between the input and the piezo (its slew rate, without an amplifier), and between
             the end-effector and its channel: the sensor's output is then late by its delay, in m. By default
@@ -78,7 +79,7 @@ def export_c(
         measurement_noise: m, standard deviation of a measured position, for the observer's gain.
 
     Returns:
-        The folder.
+        The path of the folder.
 
     Raises:
         ExportError: the source cannot be exported, or `out` exists.
@@ -97,7 +98,7 @@ def export_c(
     if waveform is not None and not hasattr(waveform, "drive"):
         raise QuantityError(f"waveform = {waveform!r:.60} is no waveform, such as Sawtooth('65 V', '5 Hz')")
     drive = default_waveform(found.model, amplifier) if waveform is None else waveform
-    if amplifier is None:  # behind one, what is out of range is cut
+    if amplifier is None:  # an amplifier limits its output to its range, so any input is allowed
         checked_drive(found.model, drive, h, periodic=False, tolerance=math.inf)
     elif drive.unit != "V":
         raise QuantityError(f"the input of an amplifier is in V, not in {drive.unit}")
@@ -133,14 +134,15 @@ def export_c(
 def core_files(
     found: Exported, chain: SignalChain, h: float, noise: float, any_layout: bool = False
 ) -> dict[str, str]:
-    """Return name and text of the C files that every export contains.
+    """Return the C files that every export contains, as name -> text.
 
     Args:
         found: the model with the sources of its values.
         chain: amplifier and sensor.
         h: s, the step.
         noise: m, standard deviation of a measured position.
-        any_layout: as for `equations.equations`.
+        any_layout: if True, parameters may change which bodies and elements the model has; the code is then
+            slower.
     """
     head = heading(found)
     files = {name: (C / name).read_text(encoding="utf-8") for name in CORE}
@@ -153,7 +155,8 @@ def core_files(
 
 
 def _engine(*texts: str) -> dict[str, str]:
-    """Return name and text of those engine sources that the given texts include."""
+    """Return the engine's source files that C texts include, directly or through each other, as name ->
+    text."""
     found: dict[str, str] = {}
     names = {name for text in texts for name in _INCLUDED.findall(text) if (SOURCES / name).exists()}
     while names := names - found.keys():
@@ -163,8 +166,16 @@ def _engine(*texts: str) -> dict[str, str]:
 
 
 def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
-    """Return the observer's gain for a step h [s] and the standard deviation `noise` [m] of a measured
-    position; raises ExportError if no gain is possible."""
+    """Return the observer's gain, as `gain.observer_gain` defines it.
+
+    Args:
+        model: actuator or pulled slider.
+        h: s, the step.
+        noise: m, standard deviation of a measured position.
+
+    Raises:
+        ExportError: no gain is stable; the message names a shorter step with a stable gain, if there is one.
+    """
     does, why = None, "none is stable"
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
@@ -173,7 +184,7 @@ def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
                 return gain
             shorter = (h / 2**k for k in range(1, 24) if h / 2**k >= 1e-9)
             does = next((one for one in shorter if observer_gain(model, one, noise) is not None), None)
-    except (ArithmeticError, ValueError) as error:  # SciPy's: no solution, or what BLAS made infinite
+    except (ArithmeticError, ValueError) as error:  # SciPy finds no solution, or a number became infinite
         why = str(error)
     if does is not None:
         raise ExportError(
@@ -189,7 +200,7 @@ def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
 
 
 def heading(found: Exported) -> str:
-    """Return the first comment of a generated file."""
+    """Return the first comment of each generated C file: model, version, sources of its values, licence."""
     keys = ", ".join(found.model.citation_keys) or "none"
     model, law = type(found.model).__name__, type(found.model.friction).__name__
     rotary = getattr(found.model, "rotary", False)
@@ -205,7 +216,7 @@ def heading(found: Exported) -> str:
 
 
 def checked_step(step: float | str) -> float:
-    """Return the step in s; raises QuantityError if it is out of range."""
+    """Return a time step in s. Raises QuantityError if it is not within 1 ns to 1 s."""
     h = to_si(step, "s", "step")
     if not 1e-9 <= h <= 1.0:
         raise QuantityError(f"step = {h:g} s is out of range: it must be >= 1e-09 s and <= 1 s")
@@ -213,8 +224,8 @@ def checked_step(step: float | str) -> float:
 
 
 def checked_noise(noise: float | str, model: Any) -> float:
-    """Return the standard deviation of a sample's noise in m (rad); raises QuantityError if it is out of
-    range."""
+    """Return the standard deviation of a measured position in m (rad for a rotary model). Raises
+    QuantityError if it is not positive and finite."""
     unit = unit_for(model, "m")
     found = to_si(noise, unit, "measurement_noise")
     if not 0.0 < found < math.inf:
@@ -229,7 +240,21 @@ def signal_chain(
     sensor: StrainGauge | None,
     chain: Chain | None,
 ) -> SignalChain:
-    """Return amplifier and sensor, or their substitutes in a chain, checked; raises QuantityError."""
+    """Check the devices around the actuator and return those to export.
+
+    A signal chain of the position channel stands for the sensor and, if its slew rate is known, for the
+    amplifier.
+
+    Args:
+        found: the model, with the chain that recordings determined, which is used if `chain` is None.
+        amplifier: amplifier, or None.
+        farad: capacitance of the piezo, F, or None.
+        sensor: sensor of the end-effector's position, or None.
+        chain: signal chain of the position channel, or None.
+
+    Raises:
+        QuantityError: the devices exclude each other, or a value is wrong or missing.
+    """
     parts = (("amplifier", amplifier, Amplifier), ("sensor", sensor, StrainGauge), ("chain", chain, Chain))
     for name, part, kind in parts:
         of_kind(part, kind | None, name)
@@ -245,7 +270,7 @@ def signal_chain(
         if amplifier is None and chain.known_slew_rate is not None:
             low, high = max(found.model.min_voltage, -1e6), min(found.model.max_voltage, 1e6)
             amplifier = Amplifier(1.0, 0.0, AT_ONCE, chain.slew_rate, math.inf, low, high)
-            farad = farad or 1e-6  # without a limit of the current it does not count
+            farad = farad or 1e-6  # any value: without a current limit the capacitance has no effect
     if amplifier is None:
         return SignalChain(sensor=seen)
     if farad is None:
@@ -259,7 +284,11 @@ def signal_chain(
 
 
 def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform:
-    """Return a sawtooth within the limits of the model, as the input of the amplifier if there is one."""
+    """Return the sawtooth of the example program, within the model's limits.
+
+    For an actuator it has 65 V or less and 5 Hz, converted to the amplifier's input if there is one. For a
+    pulled slider it moves the spring's end by 0.1 mm at 1 Hz.
+    """
     if not isinstance(model, Actuator):
         return Sawtooth(1e-4, 1.0, periods=4, unit="m")
     if amplifier is not None:
@@ -269,8 +298,12 @@ def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform
 
 
 def _default_motion(model: Actuator, h: float) -> Waveform:
-    """Return a sine of about 10 Hz and a tenth of the default waveform's displacement, from rest about its
-    middle. Its period is a whole number of steps h [s], so that one table repeats it."""
+    """Return the wanted motion of the feedforward example: a sine of the stage's displacement, m or rad.
+
+    Its frequency is about 10 Hz. Its amplitude is a tenth of the displacement at 65 V (or the largest
+    voltage), about the middle of that. Its period is a whole number of steps h [s], so that one table repeats
+    it.
+    """
     reach = 0.1 * abs(model.gain) * min(65.0, model.max_voltage)
     middle = 5.0 * reach + model.gain * max(0.0, model.min_voltage)
     period = max(round(0.1 / h), 20) * h
@@ -282,7 +315,7 @@ def repr_of(waveform: Waveform) -> str:
 
 
 def write_files(folder: Path, files: dict[str, str]) -> None:
-    """Write files, given as name and text, to a folder."""
+    """Write ASCII files, given as name -> text, to a folder and its subfolders."""
     for name, text in files.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="ascii")

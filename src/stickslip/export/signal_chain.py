@@ -1,7 +1,7 @@
-"""Amplifier and sensor over one step, in the subset that is translated to C.
+"""Amplifier and sensor over one time step, in the subset of Python that is translated to C.
 
-`physics.electronics` has them as functions on whole signals; over one step with the input held both have
-the closed forms below.
+`physics.electronics` computes them for whole signals. Over one step with a constant input, both have the
+closed forms below.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def amplifier_after(amplifier, capacitance, wanted, now, h):
     if abs(gap) > slew * tau:
         ramp = min((abs(gap) - slew * tau) / slew, h)
         gap -= math.copysign(slew * ramp, gap)
-    return target - gap * (math.exp((ramp - h) / tau) if ramp < h else 1.0)  # tau may be 0
+    return target - gap * (math.exp((ramp - h) / tau) if ramp < h else 1.0)  # avoids 0/0 for tau = 0
 
 
 def sensor_after(sensor, position, now, h):

@@ -1,4 +1,4 @@
-"""Source of an export: a model, and for each of its values the unit, meaning and source."""
+"""Model to export, from any kind of input, and for each of its values the unit, meaning and source."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ from .piezo import refused
 
 
 class ExportError(ValueError):
-    """A model that cannot be exported, or a place it cannot be written to; says why."""
+    """Error: a model cannot be exported, or not to this place; the message says why."""
 
 
 class Exported(NamedTuple):
-    """A model to export, the source of each value by field ("friction.sigma_0" for those of the law), and the
-    signal chain of the position channel, if recordings determined one."""
+    """A model to export.
+
+    `sources` has the source of each value in words, by field such as "friction.sigma_0". `chain` is the
+    signal chain of the position channel, or None if recordings determined none.
+    """
 
     model: Any
     sources: dict[str, str]
@@ -80,7 +83,11 @@ def _refuse(model: Any) -> None:
 
 
 def _of_results(file: Path) -> Exported:
-    """Return the actuator that ``stickslip identify`` wrote into a results.json."""
+    """Return the actuator that ``stickslip identify`` wrote into a results.json, with sources and chain.
+
+    Raises:
+        ExportError: the file cannot be read, is damaged, or has no model of a walk.
+    """
     try:
         numbers = results_numbers(file)
         found = numbers["model"]
@@ -103,7 +110,12 @@ def _of_results(file: Path) -> Exported:
 
 
 def _sources(model: Any, fitted: dict[str, str]) -> dict[str, str]:
-    """Return the source of each value, in words."""
+    """Return the source of each value of a model in words, by field.
+
+    Args:
+        model: actuator or pulled slider; its parameter set, if it has one, is read again for the sources.
+        fitted: source of each fitted value by the last part of its field, such as "sigma_0".
+    """
     load = load_actuator if isinstance(model, Actuator) else load_pulled_slider
     parameters, original = None, {}
     if model.name:
@@ -139,8 +151,10 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def exported_values(model: Any) -> dict[str, Any]:
-    """Return the numbers of a model by field, such as "friction.sigma_0" for those of its law, and
-    "piezo.creep.shares"."""
+    """Return the numbers of a model by field, such as "friction.sigma_0" or "piezo.creep.shares".
+
+    A value is a bool, a number, or a tuple of numbers; texts, None and empty tuples are left out.
+    """
     found = {}
     for name, value in model._asdict().items():
         if hasattr(value, "_fields"):
@@ -151,7 +165,8 @@ def exported_values(model: Any) -> dict[str, Any]:
 
 
 def meaning(model: Any, name: str) -> tuple[str, str, str]:
-    """Return unit, symbol and meaning of a value that `exported_values` names."""
+    """Return unit, symbol and meaning of the value `name` (a key of `exported_values`); unit and symbol may
+    be ""."""
     path, _, field = name.rpartition(".")
     owner = model
     for part in path.split(".") if path else ():

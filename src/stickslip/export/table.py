@@ -1,4 +1,4 @@
-"""Approximate a waveform by straight lines of whole steps, which a timer interrupt can play."""
+"""Approximate a waveform by straight lines over whole time steps, a table that a timer interrupt can play."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ..waveform.signal import Waveform
 
 _MOST_STEPS = 20_000_000
 _MOST_LINES = 20_000
-# Numbers of steps: longest line that is searched from many starts at once; largest size of the arrays in this
-# search; longest part of the search for a longer line.
+# _SHORT: largest number of steps of a line that is searched from many starts at once; _AT_ONCE: largest
+# number of starts times steps in this search; _LONG: number of steps searched at once for a longer line.
 _SHORT, _AT_ONCE, _LONG = 64, 4096, 65536
 
 
 class TableLine(NamedTuple):
-    """A straight line from one value to another over a number of steps."""
+    """A straight line of the table: number of time steps, value at its start, value at its end."""
 
     steps: int
     begin: float
@@ -30,29 +30,32 @@ class TableLine(NamedTuple):
 
 
 class Played(NamedTuple):
-    """The lines of one period (of the whole duration, if not periodic), and the number of repeats."""
+    """A waveform as a table: the lines of one period (or of the whole duration), how often they repeat, and
+    the unit of their values."""
 
     lines: list[TableLine]
     repeats: int
     unit: str
-    between: bool = False  # a jump lies between two steps, and is played over one
+    between: bool = False  # True if the waveform jumps inside a step; the table ramps over this step instead
 
     @property
     def steps(self) -> int:
-        """Return the number of steps of all repeats."""
+        """Return the number of time steps of all repeats together."""
         return self.repeats * sum(line.steps for line in self.lines)
 
 
 def played(
     waveform: Waveform, h: float, duration: float | None, tolerance: float = 1e-5, name: str = "waveform"
 ) -> Played:
-    """Return the waveform as lines over whole steps.
+    """Return a waveform as a table of straight lines over whole steps.
+
+    If the period is a whole number of steps and is played at least twice, the table has one period.
 
     Args:
         waveform: the drive signal.
         h: s, the step.
-        duration: s; None: that of the waveform.
-        tolerance: largest error, relative to the waveform's range.
+        duration: s, played part; None: the waveform's duration, or eight periods if that is infinite.
+        tolerance: largest error at the steps, relative to the waveform's range.
         name: name of the waveform in errors.
 
     Raises:
@@ -89,16 +92,18 @@ def played(
 
 
 def _jumps_between(table: Drive, h: float, least: float) -> bool:
-    """Return whether a drive jumps by more than `least` within a step of h [s]."""
+    """Return True if a drive jumps by more than `least`, in its unit, inside a step of h [s], not at its
+    end."""
     breaks, nearly = table.start[1:], h * 1e-7
     jump = np.abs(evaluate(table, breaks + nearly)[0] - evaluate(table, breaks - nearly)[0])
     return bool(np.any((jump > least) & (np.abs(breaks / h - np.rint(breaks / h)) > 1e-6)))
 
 
 class _Steps(NamedTuple):
-    """Values of each step at its start and end, and the larger and smaller of its end and the next start.
+    """Values of a waveform in each step: at its start, at its end, and the larger and the smaller one of its
+    end and the next step's start.
 
-    A line that continues must be near both.
+    The last two differ at a jump. A line that continues through it must be near both.
     """
 
     begin: NDArray[np.float64]
@@ -108,8 +113,9 @@ class _Steps(NamedTuple):
 
 
 def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[TableLine]:
-    """Return few lines by a greedy search: each is as long as the tolerance allows. The search stops above
-    `_MOST_LINES` lines.
+    """Approximate values by few lines with a greedy search: each line is as long as the tolerance allows.
+
+    The search stops above `_MOST_LINES` lines, which is then a table that is too long.
 
     Args:
         begin: value at the start of each step.
@@ -120,8 +126,8 @@ def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[Tab
     steps = _Steps(begin, end, np.maximum(end, then), np.minimum(end, then))
     made: list[TableLine] = []
     first = 0
-    # Guesses from the previous lines: how many steps are searched for the end of the next line, and from how
-    # many consecutive starts at once.
+    # Guesses from the previous lines: number of steps that are searched for the end of the next line, and
+    # number of consecutive starts from which lines are searched at once.
     likely, ahead = 8, 16
 
     def add(length: int) -> None:
@@ -143,8 +149,10 @@ def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[Tab
 
 
 def _short(steps: _Steps, first: int, starts: int, most: int, tolerance: float) -> list[int]:
-    """Return the largest length of a line from each of `starts` consecutive steps, the first of which is
-    `first`; 0 if the length may exceed `most`."""
+    """Return the largest length of a line, in steps, from each of `starts` consecutive steps from `first` on.
+
+    The length is 0 if it may exceed `most`; `_longest` must then find it.
+    """
     end, over, under = (sliding_window_view(part, most)[first : first + starts] for part in steps[1:])
     low, high = np.full(starts, -np.inf), np.full(starts, np.inf)
     begin = steps.begin[first : first + starts, None]
@@ -153,8 +161,10 @@ def _short(steps: _Steps, first: int, starts: int, most: int, tolerance: float) 
 
 
 def _longest(steps: _Steps, first: int, likely: int, tolerance: float) -> int:
-    """Return the largest length of a line from the step `first` on. The steps are searched in parts; the
-    first part has `likely` steps."""
+    """Return the largest length, in steps, of a line from the step `first` on.
+
+    The steps are searched in parts. The first part has `likely` steps, which saves time if it is long enough.
+    """
     length, done, part = 1, 0, max(likely, _SHORT)
     low, high = np.float64(-np.inf), np.float64(np.inf)
     while low <= high and first + done < steps.begin.size:
@@ -170,12 +180,20 @@ def _longest(steps: _Steps, first: int, likely: int, tolerance: float) -> int:
 def _fitting(
     begin: Any, end: Any, over: Any, under: Any, done: int, low: Any, high: Any, tolerance: float
 ) -> tuple[Any, Any, Any]:
-    """Return whether lines from `begin` to the end of each step (last axis) stay near all values between, and
-    the remaining range of slopes.
+    """Test to which steps a straight line from a start stays within the tolerance of all values between.
 
-    The cone of the slopes that pass all values so far within the tolerance [sklansky1980]; a line ends in a
-    value of the waveform, and its slope must lie in the cone of the values before. `done` steps precede,
-    which allow slopes from `low` to `high` per step.
+    The slopes that pass all values so far within the tolerance form a cone [sklansky1980]. A line ends at a
+    value of the waveform, and its slope must lie in the cone of the previous values.
+
+    Args:
+        begin: value at the start of the line.
+        end, over, under: values of the steps, as in `_Steps`; the last axis is the step.
+        done: number of steps between the start and the first of these steps.
+        low, high: range of slopes, per step, that the steps before allow.
+        tolerance: largest error, in the unit of the values.
+
+    Returns:
+        For each step, whether a line may end with it, and the range of slopes (low, high) after the last one.
     """
     count = np.arange(done + 1, done + 1 + end.shape[-1])
     lows, highs = (over - begin - tolerance) / count, (under - begin + tolerance) / count
@@ -191,7 +209,14 @@ def _fitting(
 
 
 def table_h(name: str, what: str, table: Played, h: float) -> str:
-    """Return a C header with the table."""
+    """Return the text of a C header with the table of a waveform.
+
+    Args:
+        name: name of the C array, in lower case.
+        what: description of the waveform for the comment.
+        table: the lines.
+        h: s, the step.
+    """
     rows = ",\n".join(f"    {{{line.steps}L, {real(line.begin)}, {real(line.end)}}}" for line in table.lines)
     upper = name.upper()
     return (

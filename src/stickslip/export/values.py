@@ -1,4 +1,4 @@
-"""stickslip_parameters.c: the values of an export, each with its unit, meaning and source."""
+"""Write stickslip_parameters.c: the values of an exported model, each with its unit, meaning and source."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ from .source import Exported, exported_values, meaning
 
 
 def parameters_c(found: Exported, chain: SignalChain, gain: NDArray[Any]) -> str:
-    """Return the text of stickslip_parameters.c, without its first comment."""
+    """Return the text of stickslip_parameters.c, without its first comment.
+
+    Args:
+        found: the model with the sources of its values.
+        chain: amplifier and sensor.
+        gain: the observer's gain, in the order of `gain.observer_gain`.
+    """
     lines = []
     for name, value in exported_values(found.model).items():
         unit, symbol, words = meaning(found.model, name)
@@ -58,6 +64,6 @@ _SPELLED = str.maketrans({
 
 
 def plain(text: str) -> str:
-    """Return the text in ASCII, safe inside a C comment."""
+    """Return a text in ASCII (Greek letters spelled out), on one line and safe inside a C comment."""
     ascii_text = text.translate(_SPELLED).encode("ascii", "replace").decode()
     return " ".join(ascii_text.replace("*/", "* /").replace("/*", "/ *").split())

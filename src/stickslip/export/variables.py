@@ -1,4 +1,4 @@
-"""The variables of an FMU: inputs, outputs, parameters, each with its place in the C code."""
+"""Variables of an FMU: inputs, outputs and parameters, each with its place in the C code."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from .source import Exported, exported_values, meaning
 from .values import plain
 
 Mode = Literal["plant", "observer", "feedforward"]
-MEASURED = "measured_position"  # what an observer, and nothing else, takes
+MEASURED = "measured_position"  # name of the input that only an observer has
 
 
 class ModelVariable(NamedTuple):
-    """One variable; `c` is its place in an fmi_data."""
+    """One variable of an FMU: its attributes in modelDescription.xml, and `c`, its member of the C struct
+    fmi_data. `reference` is its value reference."""
 
     name: str
     reference: int
@@ -57,11 +58,11 @@ def variables(
         found: the model with the sources of its values.
         chain: amplifier and sensor.
         mode: plant, observer or feedforward.
-        step: s, the internal step.
-        rest: V, input at rest.
+        step: s, the longest internal step.
+        rest: input at rest, V (m for a pulled slider).
     """
     made = [*_inputs(found.model, mode, step, rest), *_outputs(found.model, chain, mode)]
-    # The gain of an observer is for its step, which therefore cannot be set.
+    # An observer's gain is valid only for the step of its export, so that step is no parameter.
     made += [one for one in _parameters(found, step) if mode != "observer" or one.name != "step"]
     return [one._replace(unit=unit_for(found.model, one.unit)) for one in made]
 
@@ -135,8 +136,15 @@ def _parameters(found: Exported, step: float) -> list[ModelVariable]:
 
 
 def variables_h(found: list[ModelVariable], mode: Mode, token: str, step: float, rest: float) -> str:
-    """Return the text of fmi_variables.h for these variables; `step` is the internal step [s], `rest` the
-    input at rest [V]."""
+    """Return the text of fmi_variables.h, without its first comment, which gives the C code its variables.
+
+    Args:
+        found: all variables of the FMU.
+        mode: plant, observer or feedforward.
+        token: GUID in braces, as in modelDescription.xml.
+        step: s, default of the longest internal step.
+        rest: input at rest, V (m for a pulled slider).
+    """
     accessors = []
     for kind, boolean in (("real", False), ("boolean", True)):
         c_type = "bool" if boolean else "real_t"

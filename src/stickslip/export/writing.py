@@ -14,11 +14,13 @@ from .source import ExportError
 
 @contextmanager
 def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a new folder to write into, which becomes `out` at the end; it is removed if an error occurs.
+    """Yield a new temporary folder to write into, which is renamed to `out` at the end.
+
+    If an error occurs in the context, the temporary folder is deleted.
 
     Raises:
         ExportError: `out` is no path, exists already, or cannot be made.
-        OSError: something in it cannot be written; names `out`.
+        OSError: a file in the folder cannot be written; the error names `out`.
     """
     if not isinstance(out, str | os.PathLike):
         raise ExportError(f"out = {out!r:.60} must be the path of the folder to make")
@@ -36,6 +38,7 @@ def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
         made.rename(target)
     except BaseException as error:
         shutil.rmtree(made, ignore_errors=True)
-        if isinstance(error, OSError) and error.errno is not None:  # a full disk names no file, or ours
+        # The error of a full disk has no path, or that of the temporary folder: name `out` instead.
+        if isinstance(error, OSError) and error.errno is not None:
             raise OSError(error.errno, error.strerror, str(target)) from error
         raise

@@ -39,7 +39,7 @@ def check_mdf(path: Path) -> None:
         head = file.read(12)
         if head[:8] not in (b"MDF     ", b"UnFinMF "):
             return
-        if head[8:9] != b"4":  # asammdf would read it unchecked
+        if head[8:9] != b"4":  # asammdf reads older versions, whose structure is not checked here
             version = head[8:].decode("ascii", "replace").strip(" \0")
             raise GateError(f"{path}: an MDF file of version {version}; 4 is read")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from .errors import GateError
 
-LONGEST_NAME = 400  # characters; file systems allow 255 for each part
-_SHOWN = 60  # characters of a name in a message
-_NOT_PLAIN = "\\:"  # on Windows these lead to another drive or to a stream of a file
+LONGEST_NAME = 400  # largest number of characters of a path; file systems allow 255 for each part
+_SHOWN = 60  # largest number of characters of a name that a message quotes
+_NOT_PLAIN = "\\:"  # refused characters: on Windows they lead to another drive or to a stream of a file
 
 
 def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") -> Path:

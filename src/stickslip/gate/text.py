@@ -95,7 +95,7 @@ def unzipped(raw: bytes, source: str, most: int = MOST_RESULT_BYTES) -> bytes:
     """
     try:
         found = gzip.GzipFile(fileobj=io.BytesIO(raw)).read(most + 1)
-    except Exception as error:  # OSError, EOFError, ValueError, zlib.error
+    except Exception as error:  # damage raises OSError, EOFError, ValueError or zlib.error
         raise GateError(f"{source}: damaged gzip data ({error})") from error
     if len(found) > most:
         raise GateError(f"{source}: its content has more than {most / 1e6:g} MB")
@@ -159,7 +159,7 @@ def load_toml(raw: bytes | str, source: str) -> dict[str, Any]:
     _check_toml(text, source)
     try:
         found = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # includes a key or table given twice
+    except (ValueError, RecursionError) as error:  # a key or table that is given twice is a ValueError
         raise GateError(f"{source} is no valid TOML: {error}") from error
     check_depth(found, source)
     return found

@@ -67,7 +67,7 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
         return _Built(source).of(yaml.parse(text, Loader=_PARSER))
     except GateError:
         raise
-    except (yaml.YAMLError, ValueError, OverflowError) as error:  # includes a date that does not exist
+    except (yaml.YAMLError, ValueError, OverflowError) as error:  # ValueError: a date that does not exist
         said = " ".join(str(error).replace('"<unicode string>"', "it").split())
         raise GateError(
             f"{source} is no YAML: {said}. Check brackets, quotes and indentation there"
@@ -121,7 +121,7 @@ class _Built:
             rules = _RULES.get(text[:1], []) + _RULES.get(None, [])
             tag = next((kind for kind, pattern in rules if pattern.match(text)), "")
             if ":" in text and tag in (f"{_TAG}int", f"{_TAG}float"):
-                return text  # a number of base 60 stays a text
+                return text  # a number of base 60, such as 1:30, is returned as text
         elif tag == f"{_TAG}str":
             return text
         else:

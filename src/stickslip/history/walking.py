@@ -152,7 +152,7 @@ def _looked_at(root: str, path: str, kind: str) -> Iterator[FoundRun]:
                 one = there
             else:
                 problem = "a link that leads out of the folder: it is not followed"
-        except OSError as error:  # of a link to nothing, or to itself
+        except OSError as error:  # the link leads to nothing, or to itself
             problem = f"a link that leads nowhere: {error.strerror}"
     if not problem and not stat.S_ISREG(one.st_mode):
         problem = "no plain file"

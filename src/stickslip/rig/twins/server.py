@@ -77,7 +77,7 @@ class _Connection(socketserver.BaseRequestHandler):
 
     def handle(self) -> None:
         """Answer the program until it disconnects. The connection of a second program is closed after 1 s."""
-        if not self.server.held.acquire(timeout=1.0):  # the previous one may be about to leave
+        if not self.server.held.acquire(timeout=1.0):  # the previous program may be about to disconnect
             return
         try:
             with suppress(OSError, HangUp, RigError):
@@ -117,7 +117,7 @@ class TwinTerminal:
         session = getattr(twin, "serial_session", None)
         if session is None:
             raise QuantityError(f"a twin of {type(twin).__name__} has no serial port")
-        import tty  # not on Windows
+        import tty  # the module is missing on Windows, so it is imported only here
 
         self._session, self._ended = session, threading.Event()
         self._ours, self._theirs = os.openpty()

@@ -49,7 +49,7 @@ _SWITCHES = {
     "td": ("trigger", "off"),
     "fil": ("filter", "off"),
 }
-_FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # filters of an ANM300
+_FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # filter in the command -> filter in the answer
 
 
 class ConsoleError(Exception):

@@ -209,7 +209,8 @@ class PiRig:
 
     def _go_to_zero(self, slew: float, running: bool) -> None:
         if running and 0.0 < self._ends - time.monotonic() <= float(np.abs(self._volts).max()) / slew:
-            time.sleep(max(self._ends - time.monotonic(), 0.0))  # the table ends with its own ramp
+            # The table soon reaches its own ramp to 0 V, so its end is awaited.
+            time.sleep(max(self._ends - time.monotonic(), 0.0))
         self._line.do("WGO 1 0")
         volts = self._line.number("VOL? 1")
         lower(lambda share: self._line.do(f"SVA {self._axis} {share * volts:.5f}"), abs(volts), slew, _STEPS)

@@ -53,7 +53,7 @@ class Wiring:
 
     def put_out(self, pieces: Iterator[Piece]) -> None:
         """Start to play pieces of drive at the piezo. The oscilloscope's recording starts with them."""
-        self.axis.advance()  # earlier pieces are not recorded
+        self.axis.advance()  # simulates earlier pieces now, so that they do not enter the new recording
         self._paths = []
         self.axis.begin(pieces)
 

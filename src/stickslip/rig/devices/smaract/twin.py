@@ -86,7 +86,7 @@ class Mcs2Channel:
     def __init__(self, stage: Stage, clock: Clock, noise: float, seed: int) -> None:
         self.axis, self._noise = Axis(stage, clock), noise
         self._random = np.random.default_rng([seed, 2])
-        self._zero = stage.position  # zero of the sensor
+        self._zero = stage.position  # position at which the sensor reads 0, m
         self.settings = {name: default for name, (default, _, _) in _SETTINGS.items()}
         self.flags, self.target = 0, 0.0
 
@@ -202,7 +202,7 @@ class Mcs2Channel:
         `gain` is the stage's displacement per voltage, m/V.
         """
         stage, frequency = self.axis.stage, float(min(self.settings["MCLF:CURR"], 100))
-        step = 0.5 * gain * FULL  # about the length of a step of 100 V
+        step = 0.5 * gain * FULL  # estimated length of a step with the full amplitude, m
         velocity = 1e-12 * self.settings["VEL"]
         if velocity > 0.0:
             frequency = min(frequency, max(velocity / step, 1.0))

@@ -45,8 +45,9 @@ class Kim101Channel:
         self.axis = Axis(stage, clock)
         self.steps, self._direction, self._jogging = 0, 0, False
         self.kept = {sub: bytes(length) for sub, length in _KEPT.items()}
-        self.drive = [112, 500, 1000]  # V, steps/s, steps/s2
-        self.jog = [2, 100, 100, 500, 1000]  # mode, steps forward, backward, steps/s, steps/s2
+        self.drive = [112, 500, 1000]  # amplitude [V], step rate [steps/s], acceleration [steps/s2]
+        # Mode (1: endless, 2: single), steps forward and backward, step rate [steps/s], acceleration.
+        self.jog = [2, 100, 100, 500, 1000]
 
     def move(self, target: int | None, direction: int, rate: int, jogging: bool = False) -> None:
         """Start a motion.
@@ -134,7 +135,7 @@ class Kim101:
     def _answer(self, message: int, first: int, second: int, data: bytes) -> bytes:
         if message == 0x0005:
             return _frame(0x0006, self._info())
-        if message in (0x0223, 0x0002):  # identify, disconnect
+        if message in (0x0223, 0x0002):  # the messages identify and disconnect have no effect
             return b""
         if message == 0x0210:
             self._enable(self.enabled | {_MASKS[first]} if second == 1 else self.enabled - {_MASKS[first]})
