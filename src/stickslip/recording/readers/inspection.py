@@ -25,24 +25,27 @@ from .uff import ENDINGS as UNIVERSAL
 if TYPE_CHECKING:
     import xarray as xr
 
-# Shortest gap between samples that is reported as a pause, in median sampling intervals.
+# Gap between samples, in median sampling intervals, above which it is reported as a pause.
 PAUSE = 1.5
-LARGE, MOST = 50_000_000, 50_000  # size of a large file in bytes, and the number of its samples that are read
-WIDEST = 80  # largest number of characters of a name in the table of columns
-ROUNDED = 1e-6  # share of an interval by which rounding may change a time
+LARGE, MOST = 50_000_000, 50_000  # size of a large file in bytes, and number of samples read from it
+WIDEST = 80  # largest number of characters of a name in the table of columns; longer names are shortened
+ROUNDED = 1e-6  # time, in sampling intervals, that is shown as 0, because rounding may cause it
 
 
 class Inspection(NamedTuple):
     """Result of `inspect_file`.
 
     Attributes:
-        columns: see `preview.look`; empty for a recording of this package; ranges of the first samples if
-            `large`.
+        path: path of the file.
+        reader: name of the reader.
+        cut: True if the ranges of `columns` are of the first samples only.
+        columns: description of each column, see `preview.look`; empty for a recording of this package.
         named, units, clocks: arguments of `read_recording`, guessed where the file does not state them.
-        recording: the recording read with them, or None, with the `problem`.
-        response: a frequency response, if the file contains one instead.
-        log: blocks of "key: value", if the file contains them.
-        large: True if the recording is only the first `MOST` samples.
+        recording: the recording read with these arguments; None if that failed.
+        problem: message of the failure; "" without one.
+        response: frequency response, if the file contains one; otherwise None.
+        log: table of a log of "key: value" blocks, if the file contains one; otherwise None.
+        large: True if the recording contains only the first `MOST` samples.
     """
 
     path: Path
@@ -66,7 +69,8 @@ class Inspection(NamedTuple):
 
     @property
     def pauses(self) -> list[tuple[float, float]]:
-        """Return the gaps between samples: start [s] and length [s]."""
+        """Return start [s] and length [s] of each gap between samples that is longer than `PAUSE` median
+        intervals."""
         assert self.recording is not None
         time = self.recording["time"].values
         steps = np.diff(time)
@@ -74,15 +78,13 @@ class Inspection(NamedTuple):
 
     @property
     def drive_begins(self) -> float | None:
-        """Return the time of the last sample before the drive changes, s; None without a drive, or if it
-        never changes."""
+        """Return the time of the last sample before the drive voltage changes, s; None if there is no drive,
+        if it does not rest first, or if it never changes."""
         return None if self.recording is None else drive_begins(self.recording)
 
     def noise(self, name: str) -> float:
-        """Return the standard deviation of a channel before the drive starts, in its unit.
-
-        NaN for fewer than 20 samples.
-        """
+        """Return the standard deviation of a channel before the drive starts, in the unit of the channel; NaN
+        with fewer than 20 samples."""
         begins = self.drive_begins
         if self.recording is None or begins is None:
             return math.nan
@@ -91,8 +93,7 @@ class Inspection(NamedTuple):
 
     @property
     def yaml(self) -> str:
-        """Return the entry for this file under ``recordings:`` of a job, or a complete identification
-        file."""
+        """Return the YAML entry of this file for the list ``recordings:`` of a job or identification file."""
 
         def flow(mapping: Mapping[str, str | int]) -> str:
             parts = (f"{name}: {json.dumps(text, ensure_ascii=False)}" for name, text in mapping.items())
@@ -150,7 +151,7 @@ class Inspection(NamedTuple):
             lines.append(f"{len(pauses)} gap{'s' if len(pauses) > 1 else ''} in the samples: {first}")
         begins = self.drive_begins
         if begins is not None:
-            begins = 0.0 if abs(begins) < ROUNDED * interval else begins  # -0.05 + 100 * 0.0005 is not 0
+            begins = 0.0 if abs(begins) < ROUNDED * interval else begins  # rounding: -0.05 + 100 * 0.0005
             lines.append(f"the drive begins after {with_prefix(begins, 's')}")
         taken = taken_drive(self.recording)
         if taken is not None:
@@ -208,8 +209,8 @@ def inspect_file(path: str | Path) -> Inspection:
 
 
 def _roles(columns: list[dict[str, Any]]) -> dict[str, str | int]:
-    """Return the columns of a frequency response, by role; empty if the file has a clock or is not a
-    response."""
+    """Return the names of the columns of a frequency response by role ("frequency", "gain", "phase 2"); empty
+    if the file has a time column or is not a response."""
     channels = [FileChannel(one["name"], one["unit"], numeric=one["numeric"]) for one in columns]
     found = None if any(one["clock"] for one in columns) else response_columns(channels)
     if found is None:
@@ -222,7 +223,7 @@ def _roles(columns: list[dict[str, Any]]) -> dict[str, str | int]:
 
 
 def _log(path: Path) -> xr.Dataset | None:
-    """Return the table of a log in blocks of "key: value"; None for other files."""
+    """Return the table in a log with blocks of "key: value"; None for other files."""
     try:
         return read_log(path) if find_format(path) == TEXT else None
     except (ValueError, OSError):
@@ -266,6 +267,6 @@ def _table(rows: list[list[str]]) -> list[str]:
 
 
 def _cell(text: str) -> str:
-    """Return a text of a file as one line of printable characters."""
+    """Return a text from a file as one line of printable characters, shortened to `WIDEST` characters."""
     shown = "".join(sign if sign.isprintable() else "?" for sign in text)
     return shown if len(shown) <= WIDEST else f"{shown[: WIDEST - 3]}..."

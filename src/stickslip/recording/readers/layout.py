@@ -1,7 +1,8 @@
-"""Layout of a text file of numbers: encoding, delimiter, decimal sign, start of the data, header.
+"""Detection of the layout of a text file of numbers: encoding, delimiter, decimal sign, start of the data,
+header.
 
-The layout is found from the first lines. The chosen delimiter and decimal sign turn the most lines into the
-most numbers. Lines above the header are ignored.
+The layout is found from the first lines. The delimiter and decimal sign are chosen with which the most lines
+become rows of numbers. Lines above the header are used only for settings.
 """
 
 from __future__ import annotations
@@ -24,46 +25,49 @@ from .stamps import Stamped, find_stamps
 from .titles import channel_of, cut, header_fields, titles, with_header_clock
 
 SAMPLE = 100  # fewest lines, spread over the start of the file, that determine the delimiter
-HEADER = 400  # number of lines in which settings of an instrument are searched
-FEW = 20  # number of rows that identify a column of times
+HEADER = 400  # number of lines at the top in which settings of an instrument are looked for
+FEW = 20  # number of rows from which a column of times is recognised
 END = "\x1a"  # end-of-file mark of DOS programs
 LINE_END = re.compile(r"\r\n|\n|\r")
 
 
 class TextLayout(NamedTuple):
-    """Layout of a text file, the result of `find_layout`; `channels` and `kinds` have one entry per
+    """Layout of a text file, the result of `find_layout`; `channels` and `kinds` have one entry for each
     column."""
 
     encoding: str
     delimiter: str
     decimal: str
-    comment: str | None
+    comment: str | None  # sign that starts a comment; None: there are no comments
     first_line: int  # number of lines above the data
-    line_bytes: float  # mean length of a line
+    line_bytes: float  # mean length of a line in bytes
     channels: tuple[FileChannel, ...]
     kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
-    missing: frozenset[str] = MISSING  # texts for missing numbers
-    fortran: bool = False  # numbers are written "1.0D-03"
-    # Clocks that the header describes, by the index of the channel that receives the times: a blank column, a
-    # column of sample numbers, or a new channel after the last column.
+    missing: frozenset[str] = MISSING  # texts that stand for missing numbers
+    fortran: bool = False  # True: numbers are written as in Fortran, "1.0D-03"
+    # Clocks in the header (first time and sampling interval), by the index of the channel that gets the times
+    # computed from them: a blank column of the file, its column of sample numbers, or a new channel after the
+    # last column.
     clocks: Mapping[int, HeaderClock] = MappingProxyType({})
-    counts: bool = False  # the first column numbers the samples
-    stamps: Mapping[int, Stamped] = MappingProxyType({})  # columns of dates and times
+    counts: bool = False  # True: the first column contains the numbers of the samples
+    stamps: Mapping[int, Stamped] = MappingProxyType({})  # dates and times of day, by index of the column
 
     def split(self, line: str) -> list[str]:
         """Return the fields of a line, without quotes."""
         return split(line, self.delimiter)
 
     def fits(self, field: str, column: int) -> bool:
-        """Return True if a field has its column's kind, or is missing."""
+        """Return True if a field has the kind of the column with this index, or stands for a missing
+        number."""
         return Signs(self.decimal, self.missing).kind(field) in (self.kinds[column], "e")
 
     def is_data(self, line: str) -> bool:
-        """Return True if a line below the header is a row of data."""
+        """Return True if a line below the header is a row of data, not blank or a comment."""
         return bool(line.strip()) and not (self.comment and COMMENT.match(line))
 
     def rewritten(self, text: str) -> str:
-        """Return lines in a form for pandas: "1.0D-03" becomes "1.0e-03", and "1.#QNAN" is not a comment."""
+        """Return lines in a form that pandas reads: "1.0D-03" becomes "1.0e-03", and "1.#QNAN" or "#N/A"
+        becomes "nan", so that its "#" does not start a comment."""
         if END in text:
             text = text.replace(END, "")
         if "#" in text:
@@ -84,12 +88,14 @@ def find_layout(
 
     Args:
         path: the file.
-        delimiter, decimal: given by the user, or None. ``r"\s+"`` is any white space.
-        skip: lines at the top that are neither header nor data.
-        missing_values: texts for missing numbers, beside those of `MISSING`.
+        delimiter, decimal: delimiter and decimal sign from the user; None: find them. ``r"\s+"`` is any white
+            space.
+        skip: number of lines at the top that are neither header nor data.
+        missing_values: texts for missing numbers in addition to `MISSING`.
 
     Raises:
-        RecordingError: there are no numbers, or what should be the first row of data cannot be read.
+        RecordingError: there are no numbers, the decimal sign is ambiguous, or the first row of data cannot
+            be read.
     """
     encoding, head, lines = _head(path)
     data = [i for i in range(skip, len(lines)) if lines[i].strip() and not COMMENT.match(lines[i])]
@@ -146,12 +152,12 @@ def find_layout(
 
 
 def _head(path: Path) -> tuple[str, bytes, list[str]]:
-    """Return the encoding of a text, its first bytes, and their lines."""
+    """Return the encoding of a text file, its first bytes, and the lines in them."""
     with opened(path) as file:
         head = file.read(LIMITS.line)
         more = len(head) == LIMITS.line and file.read(1) != b""
     encoding = _encoding(head)
-    # str.splitlines breaks at further characters
+    # `str.splitlines` is not used, because it also splits at other characters.
     lines = LINE_END.split(head.decode(encoding, errors="replace"))
     if len(lines) == 1 and more:
         raise RecordingError(f"its first line has more than {LIMITS.line:,} characters: no table of numbers")
@@ -166,7 +172,7 @@ def _encoding(head: bytes) -> str:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
-        return "latin-1"  # old instruments; its micro and degree signs are those of the Windows code page
+        return "latin-1"  # of old instruments; µ and ° have the same codes in the Windows code page
     return "utf-8"
 
 
@@ -189,16 +195,22 @@ def _ways(delimiter: str | None, decimal: str | None) -> list[tuple[str, str]]:
 def _judge(
     lines: Sequence[str], ways: Sequence[tuple[str, str]], missing: frozenset[str]
 ) -> tuple[str, str, str]:
-    """Return the kinds of the columns, delimiter and decimal sign of the best combination; the first of equal
-    ones."""
+    """Return the kinds of the columns, the delimiter and the decimal sign with which the most lines are rows
+    of numbers; kinds are "" if no line is.
+
+    Args:
+        lines: some lines of the file.
+        ways: pairs of delimiter and decimal sign to try; the first of equally good ones is chosen.
+        missing: texts for missing numbers.
+    """
     best, best_score = ("", "", "."), (0, 0, 0)
     quoted = any('"' in line for line in lines)
     for delimiter, decimal in ways:
         if delimiter == decimal and not quoted:
             continue
         rows = (Signs(decimal, missing).kinds(split(line, delimiter)) for line in lines)
-        # Blank fields count as numbers only next to a number; otherwise lines of words that end with a
-        # delimiter would be rows.
+        # Blank fields count as numbers only in a line that has a number; otherwise lines of words that end
+        # with a delimiter would be rows of data.
         counted = Counter(kinds.replace("e", "n") for kinds in rows if "n" in kinds)
         for kinds, count in counted.most_common(1):
             score = (count, -kinds.count("s"), len(kinds) - max(kinds.count("d") - 1, 0))
@@ -208,8 +220,8 @@ def _judge(
 
 
 def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -> None:
-    """Raise RecordingError if a sign may be a thousands separator: in a column of "531" and "1,062", or if
-    one column has another decimal sign than the others."""
+    """Raise RecordingError if a sign may be a thousands separator: in a column with "531" and "1,062", or in
+    a column whose decimal sign differs from the others'."""
     decimal, other = signs.decimal, "," if signs.decimal == "." else "."
     parted = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
     rows = [row for row in rows if "n" in signs.kinds(row)]
@@ -233,8 +245,8 @@ def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -
 
 
 def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str, count: int) -> None:
-    """Raise RecordingError if the delimiter is the decimal comma: rows with twice as many fields as the line
-    of names and units above them."""
+    """Raise RecordingError if a decimal comma was probably taken as the delimiter: the rows have twice as
+    many fields as the line of names with units above them."""
     above = [fields for i, fields in rows.items() if i < first and any(fields)]
     names = [channel_of(field) for field in above[-1]] if above else []
     if delimiter == "," and count == 2 * len(names) and all(one.unit for one in names):
@@ -245,7 +257,8 @@ def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str
 
 
 def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:
-    """Return True if a line is the first row of data."""
+    """Return True if a line can be the first row of data: its fields have the kinds of the columns or are
+    missing."""
     found = signs.kinds(fields)
     return len(found) == len(kinds) and all(
         b == "e" or a in (b, "e") for a, b in zip(found, kinds, strict=True)
@@ -253,8 +266,9 @@ def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:
 
 
 def _without_settings(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -> str:
-    """Return the kinds of the columns with "empty" for those in which an oscilloscope stores its settings
-    beside the first samples: words in a few rows, blank in the others."""
+    """Return the kinds of the columns with "e" (empty) for columns that are blank in more than 90 % of the
+    rows, if an oscilloscope has stored its settings as words in such columns beside the first samples;
+    otherwise unchanged."""
     found = [row for row in map(signs.kinds, rows) if len(row) == len(kinds) and "n" in row]
     blank = [sum(row[k] == "e" for row in found) > 0.9 * len(found) for k in range(len(kinds))]
     if not any(b and any(row[k] == "s" for row in found) for k, b in enumerate(blank)):

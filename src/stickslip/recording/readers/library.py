@@ -1,4 +1,5 @@
-"""Files that an optional library reads: the library, its errors, and signals with their clocks."""
+"""Tools for formats that an optional library reads: import of the library, its errors, and signals with their
+clocks (times)."""
 
 from __future__ import annotations
 
@@ -18,11 +19,18 @@ from ...gate.limits import LIMITS, check_count, check_regular, check_size
 from .. import RecordingError
 from .source import FileChannel, FileContent, Rows
 
-_OPEN = re.compile(r"'?/dev/fd/\d+'?")  # name of an open file for a library
+_OPEN = re.compile(r"'?/dev/fd/\d+'?")  # pattern of the name by which a library gets an open file
 
 
 def library(module: str, kind: str, package: str, extra: str) -> Any:
-    """Return a module of an optional dependency; raise RecordingError that says how to install it."""
+    """Return a module of an optional dependency; raise a RecordingError with installation advice if it is
+    missing.
+
+    Args:
+        module: name of the module.
+        kind: the files that need it, in words.
+        package, extra: package of the module, and extra of stickslip that installs it.
+    """
     try:
         return import_module(module)
     except ImportError:
@@ -31,7 +39,8 @@ def library(module: str, kind: str, package: str, extra: str) -> Any:
 
 @contextmanager
 def read_by_library(kind: str) -> Iterator[None]:
-    """Turn every error of a library into one RecordingError, because libraries report damage in many ways."""
+    """Turn every error of a library in the block into a RecordingError, because libraries report damage by
+    many types; `kind` names the file format in the message."""
     try:
         yield
     except (RecordingError, GateError, MemoryError):
@@ -43,7 +52,7 @@ def read_by_library(kind: str) -> Iterator[None]:
 
 @contextmanager
 def no_file_left_open() -> Iterator[None]:
-    """Close files that a library leaves open."""
+    """Close files that a library has left open in the block, by garbage collection."""
     try:
         yield
     finally:
@@ -53,7 +62,8 @@ def no_file_left_open() -> Iterator[None]:
 
 
 class Signal(NamedTuple):
-    """Samples of a file that a library reads, in the file's unit; `load` returns some of them."""
+    """Samples of one signal that a library reads, in the file's unit; the function `load` returns the samples
+    in a range of rows."""
 
     name: str
     unit: str
@@ -61,18 +71,24 @@ class Signal(NamedTuple):
     load: Callable[[Rows], np.ndarray]
     key: tuple[Any, ...] = ()
     numeric: bool = True
-    epoch: float = 0.0  # for dates: zero of the numbers, s since 1970
+    epoch: float = 0.0  # for dates: time of the number 0, s since 1970
 
 
 class SignalGroup(NamedTuple):
-    """Signals that share a time; the time is None if the file has none."""
+    """Signals with the same sample times; `time` is None if the file has no times."""
 
     time: Signal | None
     signals: Sequence[Signal]
 
 
 def clocked_source(path: Path, reader: str, clocks: Sequence[SignalGroup], what: str) -> FileContent:
-    """Return a source of signals with their clocks, each clock before its signals.
+    """Return the content of a file with its signals as channels, each clock (time signal) before its signals.
+
+    Args:
+        path: path of the file.
+        reader: name of the reader.
+        clocks: groups of signals with the same times.
+        what: the file format in words, for messages.
 
     Raises:
         RecordingError: there are no signals.
@@ -100,10 +116,10 @@ def clocked_source(path: Path, reader: str, clocks: Sequence[SignalGroup], what:
 
 
 def held(values: np.ndarray) -> Callable[[Rows], np.ndarray]:
-    """Return a function that returns some of the samples of an array."""
+    """Return a function `load` for a `Signal` whose samples are in memory."""
     return lambda rows: values[rows.start : rows.stop]
 
 
 def equally_spaced(start: float, step: float, size: int) -> Signal:
-    """Return the time of samples that are equally spaced, s."""
+    """Return the time signal of `size` equally spaced samples: `start`, `start` + `step`, ..., in s."""
     return Signal("time", "s", size, lambda rows: start + step * np.arange(size)[rows.start : rows.stop])

@@ -1,9 +1,9 @@
-"""MAT files: versions 4 to 7 through SciPy, version 7.3 (HDF5) through h5py.
+"""Reader of MAT files: versions 4 to 7 by SciPy, version 7.3 (HDF5) by h5py.
 
-Both become one tree: structures are dictionaries, arrays of structures and cells are lists, text is str,
-objects (tables, strings) are converted by `matlab_objects`, and every array of real numbers is a `Leaf`. The
-names of channels are written as in MATLAB, rows counted from 1: "t", "trace_y(2,:)", "measurement.force". As
-a tuple, ("trace_y", 1) is that same second row, counted from 0.
+Both become the same tree: structures are dictionaries, arrays of structures and cells are lists, text is str,
+objects (tables, strings) are converted by `matlab_objects`, and every array of real or complex numbers is a
+`Leaf`. The names of channels are written as in MATLAB, with rows counted from 1: "t", "trace_y(2,:)",
+"measurement.force". As a tuple, with indices from 0, the same second row is ("trace_y", 1).
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from .source import FileChannel, FileContent, add_format
 if TYPE_CHECKING:
     from ...gate.hdf5 import Hdf5Array, Hdf5Group, Hdf5Tree
 
-_OPAQUE = "3"  # mark of an object in version 7.3
-_SUBSYSTEM = "__function_workspace__"  # SciPy's name for the variables in which MATLAB stores objects
-_V73_BLOCK = 512  # size of MATLAB's own header before that of HDF5
+_OPAQUE = "3"  # value of the attribute MATLAB_object_decode that marks an object in version 7.3
+_SUBSYSTEM = "__function_workspace__"  # SciPy's name for the hidden variable in which MATLAB stores objects
+_V73_BLOCK = 512  # size in bytes of MATLAB's own header before the HDF5 content
 
 
 def read_matlab(path: Path) -> FileContent:
@@ -93,8 +93,15 @@ def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[ArrayChann
 def _collect(
     prefix: str, node: Any, leaves: dict[str, Leaf], clocks: dict[str, str], objects: dict[str, str]
 ) -> None:
-    """Add the arrays of a part of the tree by name, with the names of their clocks, and the objects that
-    cannot be read."""
+    """Collect the arrays in a part `node` of the tree.
+
+    Args:
+        prefix: name of the part.
+        node: part of the tree.
+        leaves: gets the arrays by name.
+        clocks: gets the name of the time array of each column of a timetable, by name.
+        objects: gets the class of each object that cannot be read, by name.
+    """
     if isinstance(node, MatlabTable):
         for name in node.columns:
             clocks[f"{prefix}.{name}"] = f"{prefix}.{node.time}"
@@ -112,8 +119,8 @@ def _collect(
 
 
 def matlab_name(part: ArrayChannel) -> str:
-    """Return the name of a channel in MATLAB's notation; the only channel of an array has the array's
-    name."""
+    """Return the name of a channel in MATLAB's notation, such as "trace_y(2,:)"; the only channel of an array
+    has the name of the array."""
     if part.alone:
         return part.array
     subscripts = (text if text == ":" else str(int(text) + 1) for text in part.subscripts)
@@ -136,7 +143,7 @@ def _v5_node(value: Any) -> Any:
     if isinstance(value, scipy.io.matlab.MatlabOpaque):
         return Opaque(str(value["s2"].flat[0], "utf-8", "replace"))
     if not isinstance(value, np.ndarray) or isinstance(value, scipy.io.matlab.MatlabFunction):
-        return None  # such as sparse matrices and functions
+        return None  # sparse matrices and functions are not read
     if value.dtype.names:
         names = value.dtype.names
         elements = [{name: _v5_node(element[name]) for name in names} for element in value.flat]
@@ -187,7 +194,7 @@ def _hdf5_node(tree: Hdf5Tree, visits: Visits, item: Hdf5Group | Hdf5Array, dept
     last, name = len(item.shape) - 1, item.name
 
     def load(axis: int = 0, part: slice = slice(None)) -> np.ndarray:
-        return read_hdf5_array(tree.path, name, last - axis, part).T  # stored column by column
+        return read_hdf5_array(tree.path, name, last - axis, part).T  # MATLAB stores column by column
 
     return Leaf(item.shape[::-1], load, item.kind == "c", load_part=load)
 

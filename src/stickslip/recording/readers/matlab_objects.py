@@ -1,8 +1,8 @@
-"""Objects in MAT files (tables, timetables, durations, strings, time series), read by mat-io, extra
+"""Reading of objects in MAT files (tables, timetables, durations, strings, time series) by mat-io, extra
 stickslip[matlab].
 
-A variable that is an object contains references to parts of a hidden variable. Without mat-io it is named,
-but not read.
+MATLAB stores the content of objects in a hidden variable. Without mat-io, an object is listed by name, but
+not read.
 """
 
 from __future__ import annotations
@@ -19,25 +19,26 @@ from ...gate.files import name_of, opened
 from .arrays import Leaf
 from .library import read_by_library
 
-_YEAR = 365.2425 * 86400.0  # s, of MATLAB's years()
+_YEAR = 365.2425 * 86400.0  # length of a year in MATLAB's function years(), s
 FUNCTION = "function_handle"
 
 
 class Opaque(NamedTuple):
-    """An object that cannot be read, with the name of its class."""
+    """An object that cannot be read; `of` is the name of its MATLAB class."""
 
     of: str
 
 
 class MatlabTable(NamedTuple):
-    """Columns of a timetable, and the name of its time column."""
+    """Columns of a timetable by name, and the name of its time column."""
 
     columns: dict[str, Any]
     time: str
 
 
 def not_read(name: str, of: str) -> str:
-    """Return a sentence on an object that is not read, and on how its numbers can be read."""
+    """Return a sentence that an object is not read, with advice how to read its numbers; `of` is its
+    class."""
     variable = name.partition(".")[0].partition("(")[0]
     by_library = "" if _library() else " pip install 'stickslip[matlab]' (mat-io), or"
     return (
@@ -47,7 +48,7 @@ def not_read(name: str, of: str) -> str:
 
 
 def shown(name: str, of: str) -> str:
-    """Return the text for an object that cannot be read, in a list of channels."""
+    """Return the text for an object of the class `of` that cannot be read, for a list of channels."""
     return f"{name} ({of} of MATLAB{'' if _library() else ', needs stickslip[matlab]'})"
 
 
@@ -69,8 +70,8 @@ def holds_objects(node: Any) -> bool:
 
 
 def read_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    """Return variables that are, or contain, objects, by name, as parts of the tree of a MAT file; empty
-    without mat-io. The structure of the file must have been checked.
+    """Return the named variables, which are or contain objects, as parts of the tree of a MAT file; empty
+    without mat-io. The structure of the file must have been checked before.
 
     Raises:
         RecordingError: mat-io cannot read them.
@@ -85,7 +86,8 @@ def read_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _node(value: Any) -> Any:
-    """Return a value of mat-io as a part of the tree."""
+    """Return a value read by mat-io as a part of the tree: a dictionary, list, text, `MatlabTable`, `Leaf` or
+    `Opaque`; None if it has no numbers or text."""
     if hasattr(value, "columns"):
         return _table(value)
     if isinstance(value, Mapping):
@@ -96,7 +98,7 @@ def _node(value: Any) -> Any:
     if not isinstance(value, np.ndarray):
         return None if of is None else Opaque(str(of))
     if value.dtype.names:
-        if value.dtype[0].kind == "m":  # a duration of calendar months and days has no length in seconds
+        if value.dtype[0].kind == "m":  # a calendarDuration (months and days) has no fixed length in seconds
             return None
         elements = [{name: _node(one[name]) for name in value.dtype.names} for one in value.flat]
         return elements[0] if len(elements) == 1 else elements
@@ -107,7 +109,8 @@ def _node(value: Any) -> Any:
 
 
 def _leaf(values: np.ndarray, unit: str) -> Leaf | None:
-    """Return numbers, durations or dates as an array of numbers; None for other values."""
+    """Return numbers, durations [s] or dates (s since the first of them) as a `Leaf`; None for other
+    values."""
     kind, epoch = values.dtype.kind, 0.0
     if kind == "m":
         years = np.datetime_data(values.dtype)[0] == "Y"
@@ -123,7 +126,8 @@ def _leaf(values: np.ndarray, unit: str) -> Leaf | None:
 
 
 def _table(frame: Any) -> Any:
-    """Return a table or timetable as its columns; the times of the rows are a further column."""
+    """Return the columns of a table by name, or a timetable as a `MatlabTable`, with the times of its rows as
+    a further column."""
     units = frame.attrs.get("VariableUnits", frame.attrs.get("varUnits", []))
     units = dict(zip(frame.columns, units, strict=False)) if len(units) == len(frame.columns) else {}
     columns: dict[str, Any] = {

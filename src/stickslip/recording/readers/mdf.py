@@ -1,4 +1,4 @@
-"""MDF 4 files (.mf4) of automotive measurement systems, read by asammdf, extra stickslip[mdf]."""
+"""Reader of MDF 4 files (.mf4) of automotive measurement systems, by asammdf, extra stickslip[mdf]."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from .. import RecordingError
 from .source import FileChannel, FileContent, Rows, add_format
 
 _NUMBERS = range(6)  # data types of the standard: integers and reals of either byte order
-_FORMULA = 3  # a conversion that is a formula in text
-_TEXTS = range(7, 12)  # conversions whose result is text
+_FORMULA = 3  # type of a conversion by a formula, which is text in the file
+_TEXTS = range(7, 12)  # types of conversions whose result is text
 
 
 class _Place(NamedTuple):
-    """Place of a channel in its file: group, index in it, and True if it is the group's time."""
+    """Place of a channel in its file: index of the group, index of the channel in the group, and `master`,
+    True if the channel is the group's time."""
 
     group: int
     channel: int
@@ -111,8 +112,8 @@ def _read(
 
 
 def _refuse_formula(conversion: Any, name: str) -> None:
-    """Raise RecordingError for a channel that a formula in the file computes, because it would be
-    executed."""
+    """Raise RecordingError for a channel that the library would compute by a formula in the file, because it
+    would execute this text as a program."""
     if conversion is None:
         return
     if conversion.conversion_type == _FORMULA:

@@ -1,4 +1,4 @@
-"""NumPy files: one array (.npy) or several by name (.npz)."""
+"""Reader of NumPy files: one array (.npy) or several arrays by name (.npz)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from .. import RecordingError
 from .arrays import Leaf, array_parts, array_source, real_leaves, subscripted, total_bytes
 from .source import FileChannel, FileContent, add_format
 
-_NAME_LENGTH, _NAME = 26, 30  # offsets in the first entry of a ZIP archive
+_NAME_LENGTH, _NAME = 26, 30  # byte offsets, in a ZIP archive, of the first entry's name and of its length
 
 
 def read_npy(path: Path) -> FileContent:
     """Return the channels of a .npy file: one for each index along all axes except the longest, which is
     time.
 
-    In a two-dimensional array the index of a column is that of the channel; in a higher one it is a tuple, in
-    the
-    order of the axes: (0, 2, 1) is the channel ``array[:, 0, 2, 1]``.
+    In a two-dimensional array the index of the channel is the index of its column. In an array with more
+    axes, a channel is named by a tuple of indices in the order of the axes: (0, 2, 1) is the channel
+    ``array[:, 0, 2, 1]``.
 
     Raises:
         RecordingError: the file is damaged, or contains objects or a single number.

@@ -1,4 +1,4 @@
-"""Source of the channels of a file, by its format."""
+"""Opening of a measurement file with the reader of its format."""
 
 from __future__ import annotations
 
@@ -16,8 +16,13 @@ from .time_columns import with_clocks
 
 
 def source_of(path: Path, kind: str, **text: Any) -> FileContent:
-    """Return the channels of a file with the units in their names; see `find_layout` for the arguments
-    `text`.
+    """Return the content of a file: its channels, with units from their names and clocks, and its read
+    function.
+
+    Args:
+        path: path of the file.
+        kind: name of the format, from `find_format`.
+        text: arguments of `find_layout` for a text file.
 
     Raises:
         GateError: a channel has a longer name than `LIMITS` allows.

@@ -1,4 +1,5 @@
-"""Points of velocity and friction force from a table, as a tribometer or a servo drive measures them."""
+"""Reader of tables with points of velocity and friction force, as a tribometer or a servo drive measures
+them."""
 
 from __future__ import annotations
 
@@ -31,11 +32,13 @@ def read_points(
 
     Args:
         path: any file of columns that `read_recording` reads.
-        columns: "velocity" and "force" -> column, as for `read_recording`; by default found by their names.
-        units: their units, which override those of the file; without a unit the numbers must be in SI.
+        columns: column of "velocity" and of "force", as for `read_recording`; by default found by their
+            names.
+        units: units of "velocity" and "force", which override those of the file; numbers without a unit are
+            taken to be in SI.
 
     Returns:
-        "velocity" [m/s] and "force" [N], one value per point.
+        Arrays "velocity" [m/s] and "force" [N], one value for each point.
 
     Raises:
         RecordingError: a column is missing, ambiguous, or contains other numbers; the message names file and
@@ -64,7 +67,8 @@ def read_points(
 
 
 def _found(channels: tuple[FileChannel, ...]) -> dict[str, Column]:
-    """Return the columns that are called velocity and force, each if it is the only one."""
+    """Return the indices of the columns whose names mean velocity and force, by "velocity" and "force"; one
+    with no or several such columns is left out."""
     result: dict[str, Column] = {}
     for name, pattern in _NAMES:
         text = [re.sub(r"[_.]+", " ", one.name).lower() for one in channels]

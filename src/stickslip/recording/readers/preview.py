@@ -17,10 +17,10 @@ from .opening import source_of
 from .selection import common_clock
 from .source import FileChannel, Rows, is_clock, pointer
 
-SHOWN = 8  # number of shown values of a column
+SHOWN = 8  # number of first values of a column that are shown
 MOST_COLUMNS = 200
 LOOKED_AT = 20_000  # number of samples from which ranges and units are guessed
-# Words in a column's name and their meaning; the first that is found counts.
+# Patterns of words in a column's name, and the standard name that they mean; the first match counts.
 _MEANINGS = (
     (r"strain|elongation|stage|piezo (pos|disp)", "stage_position"),
     (r"volt|drive|\bu\b|\bhv\b|excitation|command|input", "drive_voltage"),
@@ -35,12 +35,13 @@ _DRIVES = {"drive_voltage", "voltage"}
 
 
 def look(path: Path) -> dict[str, Any]:
-    """Return the content of a file that `read_recording` reads.
+    """Return a description of a file that `read_recording` reads, with guesses of names and units.
 
     Returns:
-        reader, samples, and columns: index, name, column (reference to it: name or index), numeric, first
-        (values as in the file), low, high, clock (True for a time), time (reference to its time column, if
-        there are several), unit (in the file; "" without one), known (True for a known unit), guess (standard
+        Dictionary with the name of the reader, the number of samples (at most `LOOKED_AT`), and columns. Each
+        column has index, name, column (reference to it: name or index), numeric, first (values as in the
+        file), low, high, clock (True for a time), time (reference to its time column, if there are several;
+        otherwise ""), unit (in the file; "" without one), known (False for an unknown unit), guess (standard
         name of such a quantity; "" for none), guessed_unit (from the range of values, if the file has none).
 
     Raises:
@@ -72,7 +73,8 @@ def look(path: Path) -> dict[str, Any]:
 
 
 def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
-    """Name the columns of a file that has one voltage and one position: the drive and the end-effector."""
+    """Change the guesses of a file with a voltage and a position to the standard names of the drive voltage
+    and the end-effector's position."""
     by_guess = {one["guess"]: one for one in columns}
     drive = by_guess.get("drive_voltage") or by_guess.get("voltage")
     moved = next((by_guess[name] for name in ("position", "displacement") if name in by_guess), None)
@@ -81,7 +83,8 @@ def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
 
 
 def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
-    """Name a position and a friction force without a drive as those of a tribometer."""
+    """Change the guess of a position to "position", as on a tribometer, if the file has a friction force and
+    no drive."""
     by_guess = {one["guess"]: one for one in columns}
     if "friction_force" not in by_guess or "position" in by_guess or _DRIVES & by_guess.keys():
         return
@@ -150,7 +153,8 @@ def _dimension(unit: str) -> str:
 
 
 def likely_unit(name: str, values: np.ndarray) -> str:
-    """Return a probable unit for such values: for a time by its step, for a position by its range."""
+    """Return a probable unit for values without one: for a time from its median step, for a position from its
+    range, otherwise the SI unit of the standard name ("" if the name is "")."""
     if name == "time":
         step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 0.0
         return "s" if step < 0.02 else "ms" if step < 20.0 else "us"

@@ -16,19 +16,19 @@ from ...quantities.units import QuantityError
 from .. import RecordingError
 from .reading import read_recording
 
-PATIENCE = 8.0  # s, CPU time for a file
-SLOWEST = 5e6  # bytes of a file per second, for additional time
-_MARGIN = 256 * 2**20  # bytes in addition to the largest content of a file
+PATIENCE = 8.0  # CPU time allowed for any file, s; larger files get more
+SLOWEST = 5e6  # bytes of a file for which one further second is allowed
+_MARGIN = 256 * 2**20  # memory in bytes, in addition to three times the largest allowed content of a file
 
 
 class ReaderBusy(RecordingError):
-    """Error: a file was not read for lack of time or memory, which says nothing about it; it can be tried
-    again."""
+    """Error: a file was not read, because the machine lacked time or memory; the file may be correct, and
+    reading it can be tried again."""
 
 
 class Reader:
-    """Reader of files, one after the other, in a separate process. A file that takes too long is given up,
-    and not tried again unless it changes.
+    """Reader of files, one after the other, in a separate process, which is killed if a file takes too long.
+    Such a file is not tried again unless it changes.
 
     Args:
         modules: names of modules that the process imports at its start; see `Fence`.
@@ -38,17 +38,21 @@ class Reader:
         self._fence = Fence(modules)
 
     def __call__(self, path: str | os.PathLike[str], use: Callable[[Any], Any] | None = None) -> Any:
-        """Return the recording of a file, or the result of the function `use` of a module for it.
+        """Return the recording in a file or, with `use`, the result of this function for the recording.
+
+        `use` must be a function of a module, because it is sent to the other process.
 
         Raises:
-            RecordingError: it cannot be read, or not within the time and memory allowed for such a file.
-            ReaderBusy: it was not tried, or the machine had no time or memory for it.
+            RecordingError: the file cannot be read, or not within the time and memory allowed for its size.
+            ReaderBusy: reading was not tried, or the machine had no time or memory for it.
         """
         return self.apply(partial(_recorded, use=use), path)
 
     def apply(self, act: Callable[[Path], Any], path: str | os.PathLike[str]) -> Any:
-        """Return the result of a module's function (or a partial of one) for a file that need not be a
-        recording; errors as for a call."""
+        """Return the result, computed in the other process, of the function `act` for the path of any file.
+
+        `act` must be a function of a module, or a partial of one. Errors are as for a call of the reader.
+        """
         path = Path(path)
         try:
             check_regular(path)
@@ -61,13 +65,14 @@ class Reader:
             raise RecordingError(str(error) or type(error).__name__) from None
 
     def within_limits(self, act: Callable[[Path], Any], path: Path) -> Any:
-        """Return the result of a function for a file; see `Fence` for the errors."""
+        """Return the result of the function `act` for a path, within time and memory limits that grow with
+        the file's size; errors are those of `Fence`."""
         computing = PATIENCE + path.stat().st_size / SLOWEST
         return self._fence(act, path, computing, 3 * allowed_bytes(path) + _MARGIN)
 
     def start(self) -> None:
-        """Start the process, so that the first file does not wait for it."""
-        with suppress(GateBusy):  # the first file tries again
+        """Start the process, so that the first file does not wait for the start."""
+        with suppress(GateBusy):  # reading the first file starts the process again
             self._fence.start()
 
     def close(self) -> None:

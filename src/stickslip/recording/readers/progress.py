@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-LARGE = 100_000_000  # bytes; about a second of reading
+LARGE = 100_000_000  # size in bytes from which a file gets a bar; reading it takes about a second
 
 
 @contextmanager
 def reading_progress(path: Path) -> Iterator[Callable[[int], None]]:
-    """Provide a function that takes the number of bytes read; it draws a bar for a large file on a
-    terminal."""
+    """Provide a function that takes the number of bytes read so far and updates a progress bar; it does
+    nothing for small files, without a terminal, or without the package rich."""
     size = path.stat().st_size
     if size < LARGE or not sys.stderr.isatty():
         yield lambda position: None

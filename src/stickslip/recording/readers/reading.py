@@ -1,6 +1,7 @@
-"""Conversion of a user's file to a recording: choice of columns, conversion to SI, checks, labels.
+"""Reading of a user's file as a recording: choice of columns, conversion to SI, checks, labels.
 
-The readers of the formats know only their format; all requirements of a recording are checked here.
+The readers of the single formats return columns as they are in the file; this module checks all requirements
+of a recording.
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ from .unlikely import refuse_unlikely, warn_of_unsaid
 if TYPE_CHECKING:
     import xarray as xr
 
-# No recording lasts three years: larger times count from 1970.
+# First time, s, from which times are taken to count from 1970: no recording lasts three years.
 _SINCE_1970 = 1e8
-_LAST_DATE = 1e11  # the year 5138
-_LONGEST_MESSAGE = 1500  # largest number of characters, because a file may have many names
-_LONGEST_QUOTE = 80  # largest number of characters, because a field may be as long as a line
-# A longer text in quotes, as Python writes it: "'abc...'", but not an apostrophe.
+_LAST_DATE = 1e11  # largest time since 1970 that is taken as a date, s (the year 5138)
+_LONGEST_MESSAGE = 1500  # largest number of characters of an error message, as a file may have many names
+_LONGEST_QUOTE = 80  # largest number of characters of a quote in it, as a field may be as long as a line
+# Pattern of a longer text in quotes as Python writes it, "'abc...'"; an apostrophe in a word is not a quote.
 _SIGN = r"(?:[^{0}\\]|\\.)"
 _QUOTE = re.compile(
     "|".join(
@@ -181,7 +182,7 @@ def named_file(path: Path) -> Iterator[None]:
 
 
 def said(path: Path, error: ValueError | OSError) -> str:
-    """Return the message of an error in one line, after the name of the file. Long quotes and texts are
+    """Return the path of the file and the message of an error in one line, with long quotes and messages
     shortened."""
     whole = (isinstance(error, OSError) and error.strerror) or str(error).removeprefix(f"{path}: ")
     text = _QUOTE.sub(_shortened, " ".join(whole.split()))
@@ -215,14 +216,22 @@ def _window(rows: tuple[int, int | None]) -> Rows:
 
 
 def _epoch(chosen: Selection) -> float:
-    """Return the zero of the common clock, s since 1970 if it has dates."""
+    """Return the epoch of the common clock: for dates, the time in s since 1970 from which its numbers count;
+    otherwise 0."""
     clock = next(iter(chosen.clocks.values()))
     return 0.0 if clock is None else clock.column.epoch
 
 
 def _load(source: FileContent, chosen: Selection, window: Rows, rate: float) -> list[Clocked]:
-    """Return the variables in SI, grouped by clock, the common clock first; all times count from the common
-    zero."""
+    """Read the chosen variables and return them in SI, grouped by clock, the common clock first; the times of
+    all groups count from the epoch of the common clock.
+
+    Args:
+        source: content of the file.
+        chosen: variables and clocks.
+        window: samples to read.
+        rate: sample rate [Hz] of variables without a clock.
+    """
     wanted = [v for v in (*chosen.clocks.values(), *chosen.variables) if v is not None]
     channels = list(dict.fromkeys(v.channel for v in wanted))
     raw = dict(zip(channels, source.read(channels, window), strict=True))
@@ -260,7 +269,13 @@ def _on_one_clock(
     missing: Literal["error", "drop"],
     window: Rows,
 ) -> tuple[Clocked, list[str]]:
-    """Return all variables at common times, and a list of the processing steps in words."""
+    """Return all variables at the times of the common clock, and a list of the processing steps in words.
+
+    Args:
+        source, chosen, window: content of the file, chosen variables, and samples that were read.
+        groups: variables grouped by clock.
+        missing: "error" or "drop": action for incomplete samples.
+    """
     labels = {v.name: v.label for v in chosen.variables}
     steps = [f"read {', '.join(labels.values())}"]
     groups = _joined(groups)
@@ -280,7 +295,7 @@ def _on_one_clock(
 
 
 def _joined(groups: list[Clocked]) -> list[Clocked]:
-    """Return the groups with different clocks; groups with equal times are joined, because they need no
+    """Return the groups with those joined into one that have equal times, because they need no
     interpolation."""
     found: list[Clocked] = []
     for group in groups:
@@ -294,7 +309,16 @@ def _joined(groups: list[Clocked]) -> list[Clocked]:
 
 
 def _from_start(time: np.ndarray, start_time: float | None, epoch: float) -> tuple[np.ndarray, str]:
-    """Return the time, shifted to its start, and the date of time zero if the clock has one."""
+    """Return the times [s], shifted so that they start at `start_time`, and the date of time zero in ISO
+    8601.
+
+    Dates start at 0 by default. Other times are unchanged without a `start_time`, and their date is "".
+
+    Args:
+        time: times since `epoch`, s; changed in place.
+        start_time: time of the first sample, s; None: by default.
+        epoch: epoch of the clock, s since 1970; 0 without dates.
+    """
     first = float(time[0]) + epoch
     dated = first >= _SINCE_1970
     if start_time is None and not dated and epoch == 0.0:

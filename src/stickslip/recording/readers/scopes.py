@@ -1,5 +1,5 @@
-"""Waveform files of oscilloscopes (Tektronix, LeCroy, Keysight, Rigol, Yokogawa); by RigolWFM, extra
-stickslip[scopes]."""
+"""Reader of waveform files of oscilloscopes (Tektronix, LeCroy, Keysight, Rigol, Yokogawa), by RigolWFM,
+extra stickslip[scopes]."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _BEGINNINGS = (
 )
 _KNOWN = re.compile(b"|".join(_BEGINNINGS), re.DOTALL)
 _RIGOL_UNITS, _KEYSIGHT_UNITS = {0: "W", 1: "A", 2: "V"}, {1: "V", 4: "A"}
-_LECROY_UNIT = 196  # bytes from the word WAVEDESC to the unit of the values, which has up to 48
+_LECROY_UNIT = 196  # bytes from the word WAVEDESC to the unit of the values, a text of up to 48 bytes
 _HEAD = 4096
 
 
@@ -52,7 +52,8 @@ def read_scope(path: Path) -> FileContent:
 
 
 def _by_clock(found: Any, head: bytes, isf: dict[str, str]) -> dict[tuple[float, float, int], list[Signal]]:
-    """Return the signals of a file by their clock: first time and interval, s, and number of samples."""
+    """Return the signals of a file grouped by their clock: first time [s], sampling interval [s] and number
+    of samples."""
     clocks: dict[tuple[float, float, int], list[Signal]] = {}
     for one in found.channels:
         if not one.enabled or one.volts is None or not len(one.volts):
@@ -65,7 +66,15 @@ def _by_clock(found: Any, head: bytes, isf: dict[str, str]) -> dict[tuple[float,
 
 
 def _isf_settings(head: bytes, size: int) -> dict[str, str]:
-    """Return the settings before the samples of a Tektronix ISF with this size; empty for other files."""
+    """Return the settings in the header of a Tektronix ISF file by key; empty for other files.
+
+    Args:
+        head: first bytes of the file.
+        size: size of the file in bytes.
+
+    Raises:
+        RecordingError: the file is cut off, or its numbers have a form that the library misreads.
+    """
     curve = _ISF.match(head)
     if not curve:
         return {}
@@ -85,8 +94,15 @@ def _isf_settings(head: bytes, size: int) -> dict[str, str]:
 
 
 def _unit(parser: str, said: Any, head: bytes, isf: dict[str, str]) -> str:
-    """Return the unit of the values: the library's if the library reads it, otherwise that of the file's
-    header."""
+    """Return the unit of a channel's values, from the file's header or from the library's unit code; "" if
+    unknown.
+
+    Args:
+        parser: name of the library's parser.
+        said: unit code of the library.
+        head: first bytes of the file.
+        isf: settings of a Tektronix ISF file; empty for other files.
+    """
     if isf:
         return isf.get("YUN", isf.get("YUNIT", ""))
     code = getattr(said, "value", said)

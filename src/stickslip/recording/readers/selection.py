@@ -1,4 +1,5 @@
-"""Selection of channels: their variables, units and clocks."""
+"""Selection of the channels of a file that become variables of a recording, with their units and clocks (time
+columns)."""
 
 from __future__ import annotations
 
@@ -18,23 +19,23 @@ class FileVariable(NamedTuple):
     """A channel that becomes a variable of the recording, or one of its clocks."""
 
     name: str
-    channel: int
+    channel: int  # index in the file
     column: FileChannel
-    unit: str  # in the file; "" if unknown
+    unit: str  # unit in the file, or the user's; "" if unknown
     conversion: Conversion
-    clock: int | None  # channel with its time; None: equally spaced
-    sure: bool = True  # the unit is certain; False if a name ends in "_m", which may be "measured"
-    unknown: bool = False  # the file's unit is not known: the numbers are kept without a unit
+    clock: int | None  # index of the channel with its times; None: equally spaced
+    sure: bool = True  # False: the unit comes from a name that ends in "_m", which may mean "measured"
+    unknown: bool = False  # True: the package does not know the file's unit; numbers are kept without a unit
 
     @property
     def label(self) -> str:
-        """Return the name of the variable in messages."""
+        """Return the text for the variable in messages: its name, its column and its unit."""
         return f"{self.name} (column {self.column.shown!r}{f' in {self.unit}' if self.unit else ''})"
 
 
 class Selection(NamedTuple):
-    """Result of a selection: the clocks by channel, the common one first (None: equally spaced), and the
-    variables."""
+    """Result of a selection: the clocks by index of their channel, the common one first (None: equally spaced
+    samples), and the variables."""
 
     clocks: Mapping[int | None, FileVariable | None]
     variables: tuple[FileVariable, ...]
@@ -47,7 +48,12 @@ def select(
     clocks: Mapping[str, Column],
     equally_spaced: bool,
 ) -> Selection:
-    """Resolve what the user asks for (see `read_recording`) against the channels of the file.
+    """Return the variables and clocks that the user's arguments select from the channels of a file.
+
+    Args:
+        channels: channels of the file.
+        columns, units, clocks: arguments of `read_recording`.
+        equally_spaced: True: the user gave a sample rate, so there is no clock.
 
     Raises:
         RecordingError: a column is missing or contains no numbers; there is no clock, or more than one; a
@@ -64,7 +70,7 @@ def select(
     if equally_spaced and ("time" in columns or own):
         raise RecordingError("say sample_rate or a time column, not both")
     common = None if equally_spaced else common_clock(channels, columns, named, own)
-    # the common time axis has a clock that the layout does not know
+    # True if the common clock is a column that the file's layout does not mark as a clock.
     said = common is not None and channels[common].clock != common
 
     variables = []
@@ -89,7 +95,16 @@ def _variable(
     clock: int | None,
     standard: str | None,
 ) -> FileVariable:
-    """Return a channel as a variable. `unit` is given by the user; `standard` is the required SI unit."""
+    """Return channel `i` as a variable.
+
+    Args:
+        channels: channels of the file.
+        i: index of the channel.
+        name: name of the variable.
+        unit: unit from the user; None: the file's unit.
+        clock: index of the channel with its times; None: equally spaced.
+        standard: SI unit that the name requires; None: any.
+    """
     column = channels[i]
     if not column.numeric:
         raise RecordingError(f"{name}: the column {column.shown!r} holds no numbers")
@@ -113,8 +128,8 @@ def _variable(
 
 
 def _scale(said: str, own: str, standard: str) -> Conversion:
-    """Return the conversion for a user's unit of a column in the unit `own`: "0.5 um/V" turns volts into
-    metres."""
+    """Return the conversion for the user's unit `said` of a column whose unit in the file is `own`: "0.5
+    um/V" converts a column in V to m; `standard` is an example of a unit for messages."""
     if not isinstance(said, str) or (said.strip() != "1" and is_number(said)):
         raise QuantityError(f'{said!r} names no unit; a scale is said with one, "{said} {standard}"')
     made = to_si_scale(said)
@@ -128,7 +143,8 @@ def _scale(said: str, own: str, standard: str) -> Conversion:
 
 
 def _all(channels: Sequence[FileChannel]) -> dict[str, int]:
-    """Return every channel of numbers that is not a clock, by a name made from that in the file."""
+    """Return the indices of all channels of numbers that are not clocks, by identifiers made from their names
+    in the file."""
     result: dict[str, int] = {}
     for i, channel in enumerate(channels):
         if channel.numeric and channel.clock != i and not is_clock(channel) and not in_seconds(channel):
@@ -144,7 +160,14 @@ def common_clock(
     named: Mapping[str, int],
     own_clocks: Mapping[str, int],
 ) -> int:
-    """Return the index of the time channel, found by name or by unit alone ("Zeit in ms").
+    """Return the index of the common time channel: the user's, the file layout's, or the only one whose name
+    or else unit is that of a time.
+
+    Args:
+        channels: channels of the file.
+        columns: user's columns; "time" is the time column.
+        named: indices of the selected channels by name.
+        own_clocks: indices of other time columns, which are not the common one.
 
     Raises:
         RecordingError: no channel, or more than one, may be the time.

@@ -1,7 +1,8 @@
-"""Settings above (or beside) the samples of a text file: names and units of columns, and the clock.
+"""Recognition of settings above (or beside) the samples of a text file: names and units of columns, and the
+clock (start and sampling interval).
 
-Instruments write them in many spellings of one form, a key and its values: "Sampling Period,1e-4", "#
-SAMPLE_TIME = 0.0001", "dt:" above a line of values. `KEYS` lists the meaning of each key.
+Instruments write a key and its values in many spellings: "Sampling Period,1e-4", "# SAMPLE_TIME = 0.0001",
+"dt:" above a line of values. `KEYS` lists the role of each key.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ _VALUE = re.compile(r"(?:\w+\s*:\s*)?(?P<number>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*
 _RATE = re.compile(r"(?P<prefix>[kKMGm]?)(Sa?/s(ec)?|S/s|sps|SPS|samples?/s(ec)?)")
 _PLACES = re.compile(r"\W|_")
 _SECONDS = {"S": "s", "Sec": "s", "SEC": "s", "Time": "s"}  # no recording contains siemens
-LONGEST_KEY = 200  # characters
-# Lines after which the samples start.
+LONGEST_KEY = 200  # largest number of characters of a key; longer texts are not keys
+# Lines after which the samples start, in lower case and without blanks and signs.
 MARKS = frozenset(["data", "waveformdata", "begindata", "values", "samples", "endheader", "endofheader"])
 
 
@@ -50,23 +51,25 @@ class HeaderClock(NamedTuple):
 
 
 class HeaderSettings(NamedTuple):
-    """Settings in the lines above the samples, by role; `lines` are those with settings."""
+    """Settings in the lines above the samples: texts by role ("increment", "rate", "start", "names",
+    "across", "upward", "each")."""
 
     values: dict[str, list[str]]
-    numbered: dict[str, dict[int, str]]  # "NAME0 = ...", by role and number
-    lines: frozenset[int]
-    below: frozenset[int]  # lines of values below their key
+    numbered: dict[str, dict[int, str]]  # texts of keys with a number, "NAME0 = ...", by role and number
+    lines: frozenset[int]  # indices of the lines with settings
+    below: frozenset[int]  # indices of lines with values whose key is in the line above
 
     def names(self, width: int) -> list[str]:
-        """Return the names of `width` columns; empty if their number differs."""
+        """Return the names of `width` columns; empty if the settings have another number of names."""
         return self._said("names", width)
 
     def units(self, width: int) -> list[str]:
-        """Return the units of `width` columns; a single unit is for all."""
+        """Return the units of the columns in order; a single unit is repeated for all `width` columns. The
+        list is empty without units, and may be shorter or longer than `width`."""
         found = self._said("upward", width) or self.values.get("upward", []) or self.values.get("each", [])
         if len(found) > width and not any(found[1::2]):  # LabVIEW: a blank beside each column of times
             found = found[::2]
-        return found * width if len(found) == 1 else found  # blank fields after it do not count
+        return found * width if len(found) == 1 else found
 
     def _said(self, role: str, width: int) -> list[str]:
         numbered = self.numbered.get(role, {})
@@ -77,7 +80,8 @@ class HeaderSettings(NamedTuple):
         return found if len(found) == width and not all(map(is_number, found)) else []
 
     def clocks(self, width: int) -> list[HeaderClock]:
-        """Return the clock of each of `width` columns; an empty list if the settings do not tell.
+        """Return the clock of each of `width` columns; an empty list if the settings do not contain all
+        clocks.
 
         Raises:
             QuantityError: an interval and a rate contradict each other.
@@ -100,7 +104,12 @@ class HeaderSettings(NamedTuple):
 
 
 def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> HeaderSettings:
-    """Return the settings in lines, which are given as texts without comment signs, and as fields."""
+    """Return the settings in the lines above the samples.
+
+    Args:
+        lines: lines without comment signs.
+        split: the same lines as lists of fields.
+    """
     values: dict[str, list[str]] = {}
     numbered: dict[str, dict[int, str]] = {}
     used: set[int] = set()
@@ -133,7 +142,8 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Heade
 
 
 def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
-    """Return a key and its values, from "key,value,value", "key,value,key,value" or "key: value, value"."""
+    """Return the key and the values in a line "key,value,value", "key,value,key,value" or "key: value,
+    value"; "" and no values for other lines."""
     said = _ASSIGNED.fullmatch(line.strip().strip('"'))
     if len(fields) == 1 and not said:  # above a single column
         fields = [part.strip() for part in re.split(r"[,;\t]", line)]
@@ -147,7 +157,8 @@ def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def _role(key: str) -> tuple[str, str]:
-    """Return the role of a key ("" for none), and its unit: "Sample rate [kHz]"."""
+    """Return the role of a key ("" for none) and the unit in it ("" without one), as in "Sample rate
+    [kHz]"."""
     if len(key) > LONGEST_KEY:
         return "", ""
     unit = _UNIT.search(key)
@@ -162,7 +173,8 @@ def _trimmed(found: list[str]) -> list[str]:
 
 
 def _numbers(texts: Sequence[str], unit: str) -> list[float]:
-    """Return the numbers at the start of a list, in SI; "1 MSa/s" is in Hz."""
+    """Return the numbers at the start of a list of texts, in SI, up to the first text that is not a number;
+    `unit` is the SI unit, and that of numbers without one. "1 MSa/s" is 1e6 Hz."""
     result = []
     for text in texts:
         found = _VALUE.fullmatch(text.strip())
@@ -177,12 +189,17 @@ def _numbers(texts: Sequence[str], unit: str) -> list[float]:
 
 
 def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[HeaderClock], bool]:
-    """Return the lines above the samples without the clock in their fields, as Rigol writes it.
-
-    The other results are that clock, or none, and True if the first column numbers the samples.
+    """Find a clock in the fields of the lines above the samples, as Rigol writes it.
 
     Examples are "X,CH1,Start,Increment" above "Sequence,Volt,-5e-2,5e-4", and "Time(s),CH1V,t0 =-5e-2,tInc =
     5e-4".
+
+    Args:
+        rows: fields of the lines by index of the line.
+
+    Returns:
+        The lines with the fields of the clock made blank; a list with the clock, empty if there is none; and
+        True if the first column contains the numbers of the samples.
     """
     for i, fields in rows.items():
         below = rows.get(i + 1, [])
@@ -210,9 +227,11 @@ def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[Hea
 def with_settings(
     channels: Sequence[FileChannel], said: HeaderSettings, in_header: bool
 ) -> list[FileChannel]:
-    """Return channels with the units of the settings: those of the clocks, and the others in order.
+    """Return the channels with units from the settings, as far as they have none of their own.
 
-    Without a clock by name, the first numeric column is the clock, unless the header contains one.
+    Clocks get the units of the horizontal axis, the other channels those of the vertical axis in order. If no
+    channel has the name of a time, the first numeric column is the clock, unless the header contains one
+    (`in_header`).
     """
     made, numeric = list(channels), [i for i, one in enumerate(channels) if one.numeric]
     across = [_SECONDS.get(one, one) for one in said.values.get("across", [])]

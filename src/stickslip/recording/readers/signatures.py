@@ -1,6 +1,7 @@
-"""File formats that are not read, recognised by their first bytes, with advice on how to get their numbers.
+"""Recognition of file formats that the package does not read, by their first bytes, with advice on how to get
+their numbers.
 
-Formats that are read recognise their files themselves (`source.Format`).
+Formats that the package reads have their own recognition (`source.Format`).
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ _EXCEL = "an Excel workbook"
 
 
 class FileSignature(NamedTuple):
-    """A format: description, first bytes (a pattern), what to do, and endings of file names where the first
-    bytes are ambiguous."""
+    """A format that is not read: its description, a regular expression for the first bytes, advice for the
+    user, and file endings, one of which is required too if the first bytes are ambiguous."""
 
     what: str
     begins: bytes
@@ -30,7 +31,7 @@ class FileSignature(NamedTuple):
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
-# Binary files.
+# Formats of binary files.
 BINARY = (
     FileSignature("packed by gzip", rb"\x1f\x8b", f"{_UNPACK}: gunzip FILE"),
     FileSignature("packed by bzip2", rb"BZh[1-9]1AY&SY", f"{_UNPACK}: bunzip2 FILE"),
@@ -86,7 +87,7 @@ BINARY = (
     FileSignature("a picture", rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\x00{4}|II\*\x00|MM\x00\*", _NO_TABLE),
     FileSignature("a program", rb"\x7fELF|MZ|\xca\xfe\xba\xbe", _NO_TABLE),
 )
-# Files that start as text, or are text, but not a table.
+# Formats of files that are text or start like text, but are not tables of numbers.
 TEXTS = (
     FileSignature("a file of imc FAMOS", rb"\|CF,\d", "export it as CSV in FAMOS"),
     FileSignature(
@@ -110,10 +111,10 @@ TEXTS = (
 _COMPILED = [
     [(one, re.compile(one.begins, re.DOTALL)) for one in table] for table in (TEXTS, (*TEXTS, *BINARY))
 ]
-# Control characters that a text may have: tabs, ends of lines, pages and files, escapes.
+# Control characters that texts do not contain: all except tabs, ends of lines, pages and files, and escapes.
 _CONTROLS = bytes(sorted(set(range(32)) - set(b"\t\n\v\f\r\x1a\x1b")))
-_MOST_CONTROLS = 0.003  # largest share of other control characters in a text; random bytes have 10 %
-_SHOWN = 8  # number of bytes of an unknown file in an error
+_MOST_CONTROLS = 0.003  # largest share of such characters in a text; random bytes have 10 %
+_SHOWN = 8  # number of first bytes of an unknown file that a message shows
 
 
 def is_text(head: bytes) -> bool:
@@ -125,8 +126,8 @@ def is_text(head: bytes) -> bool:
 
 
 def known_format(head: bytes, ending: str) -> FileSignature | None:
-    """Return the format of a file that is not read, by its first bytes and the ending of its name; None for
-    formats that are not known here."""
+    """Return the known format, among those that are not read, of a file with these first bytes and this
+    ending of its name (".xls"); None for other files."""
     for one, begins in _COMPILED[not is_text(head)]:
         if (not one.endings or ending in one.endings) and begins.match(head):
             return one
@@ -134,8 +135,8 @@ def known_format(head: bytes, ending: str) -> FileSignature | None:
 
 
 def not_read(head: bytes, ending: str, known: str) -> str:
-    """Return a sentence on the format of a file that is not read and on what to do, or that the format is
-    unknown; `known` are the formats that are read."""
+    """Return the message for a file that is not read: its format with advice or, if the format is unknown,
+    its first bytes and the formats that are read (`known`)."""
     found = known_format(head, ending)
     if found is not None:
         return f"it is {found.what}, and is not read so: {found.advice}"

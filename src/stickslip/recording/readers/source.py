@@ -1,6 +1,7 @@
-"""Interface of a reader: the channels of a file, and a function that reads some of them.
+"""Interface of readers: the channels of a file, and a function that reads some of them.
 
-To add a format, write a function from a path to a `Source`, and register it as a `Format` (`add_format`).
+To add a format, write a function that takes a path and returns a `FileContent`, and register it with
+`add_format`.
 """
 
 from __future__ import annotations
@@ -31,29 +32,29 @@ class Rows(NamedTuple):
 class FileChannel(NamedTuple):
     """One signal of a file, as a reader describes it."""
 
-    name: str  # as in the file
-    unit: str = ""  # as in the file, if any
-    key: tuple[Any, ...] = ()  # reference to it besides name and index
-    clock: int | None = None  # the channel with its time, if the file's layout determines it
+    name: str  # name as in the file
+    unit: str = ""  # unit as in the file; "" without one
+    key: tuple[Any, ...] = ()  # tuple by which a user can also refer to the channel, such as ("trace_y", 1)
+    clock: int | None = None  # index of the channel with its times, if the file's layout determines it
     numeric: bool = True
-    header: str = ""  # name and unit, if the file writes them as one
-    epoch: float = 0.0  # for dates: zero of the numbers, s since 1970; for times of day, s of the day
-    stamp: bool = False  # dates or times of day
+    header: str = ""  # name and unit in one text, if the file writes them so
+    epoch: float = 0.0  # time of the number 0, s: for dates since 1970, for times of day since midnight
+    stamp: bool = False  # True: the channel contains dates or times of day
 
     @property
     def shown(self) -> str:
-        """Return the name as it is in the file."""
+        """Return the name as the file writes it, with the unit if both are one text."""
         return self.header or self.name
 
 
 class FileContent(NamedTuple):
-    """Channels of a file, and a function that reads some of them in one pass, as float64 in the file's
-    units."""
+    """Channels of a file, and a function `read` that takes indices of channels and a range of samples, and
+    returns the values of each channel as float64 in the file's units."""
 
     reader: str
     channels: tuple[FileChannel, ...]
     read: Callable[[Sequence[int], Rows], list[np.ndarray]]
-    place: Callable[[int], str] = "sample {}".format  # place of a sample in the file, for errors
+    place: Callable[[int], str] = "sample {}".format  # text for the place of a sample in messages
 
 
 class Format(NamedTuple):
@@ -72,14 +73,15 @@ def add_format(
     endings: Sequence[str],
     recognises: Callable[[bytes, str], bool] | None = None,
 ) -> None:
-    """Register a format; a user's own is tried before those of the package.
+    """Register a file format. Formats of users are tried before those of the package.
 
     Args:
-        read: function from a path to a `Source`; the first line of its docstring describes it in lists.
+        read: function that takes a path and returns a `FileContent`; the first line of its docstring
+            describes the format in lists.
         name: name of the format.
-        endings: endings of file names; a file with one of them must be of this format.
-        recognises: function from the first bytes of a file, and the ending of its name, to whether it is of
-            the format; by default the ending decides.
+        endings: endings of file names (".raw"); a file with one of them must have this format.
+        recognises: function that takes the first bytes of a file and the ending of its name, and returns True
+            if the file has this format; by default the ending decides.
     """
     known = recognises or (lambda head, ending: ending in endings)
     registry.readers.add(Format(name, tuple(endings), known, read), name, read)
@@ -104,15 +106,16 @@ _TIME_UNITS = {
 
 
 def is_clock(channel: FileChannel) -> bool:
-    """Return True if a channel has the name of a time. "sec" alone is a unit if it is the unit of another
-    name."""
+    """Return True if a channel has the name of a time or contains dates or times of day. A name that is only
+    a unit, such as "sec", counts if it is also the channel's unit."""
     name = channel.name.strip().lower()
     named = _TIME.fullmatch(name) is not None
     return channel.stamp or named or (time_unit(name) != "" and channel.unit == time_unit(name))
 
 
 def time_unit(name: str) -> str:
-    """Return the unit of time in a column's name: "seconds", "millis()"; "" for other names."""
+    """Return the unit of time ("s", "ms", "us", "ns") that a column's whole name means, such as "seconds" or
+    "millis()"; "" for other names."""
     return _TIME_UNITS.get(name.strip().lower().removesuffix("()"), "")
 
 
@@ -136,7 +139,7 @@ def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
 
 
 def pointer(channels: Sequence[FileChannel], i: int) -> str | int:
-    """Return a reference to a channel: its name in the file if unique, else its index."""
+    """Return a reference to channel `i`: its name in the file if that is unique, otherwise its index."""
     for name in (channels[i].shown, channels[i].name):
         if name and sum(name in (one.name, one.header) for one in channels) == 1:
             return name
@@ -144,6 +147,6 @@ def pointer(channels: Sequence[FileChannel], i: int) -> str | int:
 
 
 def listing(channels: Sequence[FileChannel], most: int = 20) -> str:
-    """Return a text with the channels by index and name, for errors."""
+    """Return a text with index and name of the first `most` channels, for messages."""
     shown = ", ".join(f"{i}: {channel.shown!r}" for i, channel in enumerate(channels[:most]))
     return shown + (f", ... ({len(channels)} in all)" if len(channels) > most else "")

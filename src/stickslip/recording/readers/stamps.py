@@ -1,4 +1,5 @@
-"""Dates and times of day in their usual spellings: "20.02.2020 10:00:00,5", "2/20/2020 1:05:07 PM"."""
+"""Reading of dates and times of day in their usual spellings: "20.02.2020 10:00:00,5", "2/20/2020 1:05:07
+PM"."""
 
 from __future__ import annotations
 
@@ -12,10 +13,11 @@ import numpy as np
 from .source import FileChannel, is_clock
 
 DAY, HOUR = 86400.0, 3600.0  # s
-# Plausible ranges of days since 1899-12-30 (Excel) and since year 0 (MATLAB), each with the day of
-# 1970-01-01.
+# Plausible ranges of serial days: since 1899-12-30 (Excel) and since year 0 (MATLAB); each with the number of
+# the day 1970-01-01.
 SERIAL_DAYS = ((2e4, 8e4, 25_569.0), (7e5, 8e5, 719_529.0))
-# Longest step, in days, of a time column without a unit that counts days; longer steps are seconds.
+# Largest step, in days, of a time column without a unit at which its numbers are taken as days; with larger
+# steps they are seconds.
 LONGEST_SERIAL_STEP = 2e-5
 _MONTHS = {
     name: k
@@ -66,8 +68,8 @@ def _has_date(found: re.Match[str]) -> bool:
 
 
 def day_first(texts: Sequence[str]) -> bool | None:
-    """Return True if dates have the day before the month, False for the reverse; None if both are
-    possible."""
+    """Return True if dates like "1/2/2020" have the day before the month, False if the month is first or
+    there are no such dates, None if both orders are possible."""
     found = [one for text in texts if (one := _STAMP.fullmatch(text)) and one["y2"] is not None]
     if any(int(one["a2"]) > 12 for one in found) or any(one["sign2"] != "/" for one in found):
         return True
@@ -75,7 +77,8 @@ def day_first(texts: Sequence[str]) -> bool | None:
 
 
 def iso(text: str, first_is_day: bool) -> str:
-    """Return a time stamp in ISO 8601; a time of day without a date gets 1970-01-01.
+    """Return a time stamp in ISO 8601; a time of day without a date gets the date 1970-01-01. `first_is_day`
+    is the order of day and month.
 
     Raises:
         ValueError: the text is not a time stamp.
@@ -84,7 +87,7 @@ def iso(text: str, first_is_day: bool) -> str:
 
 
 def _second(text: str, first_is_day: bool) -> float:
-    """Return the whole second of a time stamp, s since 1970."""
+    """Return the time of a time stamp in s since 1970, rounded down to a whole second."""
     made = datetime.fromisoformat(iso(text, first_is_day))
     return float(np.floor((made if made.tzinfo else made.replace(tzinfo=UTC)).timestamp()))
 
@@ -119,17 +122,18 @@ def _iso_date(found: re.Match[str], first_is_day: bool) -> str:
 
 
 class Stamped(NamedTuple):
-    """Time of a column: from its texts, combined with those of the column `date`, or from numbers of days."""
+    """Description of a column of dates or times of day: texts, perhaps with their dates in another column, or
+    numbers of days."""
 
-    first_is_day: bool = True
-    epoch: float = 0.0  # s since 1970 (or midnight): zero of the column's numbers
-    date: int | None = None
-    wraps: float = np.inf  # s after which times without a date repeat
-    days: float | None = None  # first day, if the numbers are days
+    first_is_day: bool = True  # order of day and month in a date
+    epoch: float = 0.0  # time from which the column's numbers are counted, s since 1970 (or midnight)
+    date: int | None = None  # index of the column with the dates of times of day; None: there is none
+    wraps: float = np.inf  # period, s, after which times without a date start again at 0
+    days: float | None = None  # whole number of the first day, if the column contains numbers of days
 
     def whole(self, values: np.ndarray) -> np.ndarray:
-        """Return the samples of the column in s since `epoch`, continued past midnight, and converted from
-        days."""
+        """Return the samples of the column in s since `epoch`: numbers of days are converted, and times of
+        day that start again at 0 are continued."""
         if self.days is not None:
             return (values - self.days) * DAY
         for at in np.flatnonzero(np.diff(values) < -0.5 * self.wraps):
@@ -140,13 +144,16 @@ class Stamped(NamedTuple):
 def find_stamps(
     channels: Sequence[FileChannel], kinds: str, rows: Sequence[Sequence[str]], decimal: str
 ) -> tuple[list[FileChannel], dict[int, Stamped]]:
-    """Return the channels, with dates and times counted from the first sample, and the description of each
-    such column.
+    """Find the columns of dates, times of day and serial days in a text file.
 
     Args:
-        channels, kinds: of the columns.
-        rows: the first samples, as texts.
-        decimal: the decimal sign.
+        channels, kinds: channel and kind of each column.
+        rows: fields of the first samples.
+        decimal: decimal sign.
+
+    Returns:
+        The channels, with `stamp` and `epoch` (whole second of the first sample) set for such columns; and
+        the description of each such column by its index.
     """
     made, found = list(channels), {}
     texts = {i: [row[i] for row in rows if i < len(row) and row[i]] for i in range(len(channels))}
@@ -160,12 +167,12 @@ def find_stamps(
         whole = f"{texts[date][0]} {texts[i][0]}" if date is not None else texts[i][0]
         try:
             epoch = _second(whole, bool(order))
-        except ValueError:  # reported when it is read
+        except ValueError:  # an error is raised when the column is read
             epoch = 0.0
         alone = i in times and date is None
         wraps = (DAY if any(map(_has_hours, texts[i])) else HOUR) if alone else np.inf
         found[i] = Stamped(bool(order), epoch, date, wraps)
-        sure = epoch if order is not None else epoch % DAY  # otherwise the date is ambiguous
+        sure = epoch if order is not None else epoch % DAY  # an ambiguous date is left out
         made[i] = made[i]._replace(stamp=True, epoch=sure)
     paired = {one.date for one in found.values()}
     for i in dates:
@@ -182,7 +189,14 @@ def find_stamps(
 
 
 def _serial(channel: FileChannel, texts: Sequence[str], decimal: str) -> tuple[float, float] | None:
-    """Return the first day of numbers of days, and its midnight in s since 1970; None for other numbers."""
+    """Return the first sample's whole day number, and the start of this day in s since 1970, if a column
+    contains serial days of Excel or MATLAB; otherwise None.
+
+    Args:
+        channel: the column.
+        texts: its first fields.
+        decimal: decimal sign.
+    """
     named = re.search(r"date|datum|stamp|serial|excel", channel.name, re.IGNORECASE) is not None
     in_days = channel.unit.lower() in ("d", "day", "days")
     if not (named or in_days or is_clock(channel)) or (channel.unit and not in_days):

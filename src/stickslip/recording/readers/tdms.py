@@ -1,4 +1,4 @@
-"""TDMS files of LabVIEW and other NI programs, read by npTDMS, extra stickslip[labview]."""
+"""Reader of TDMS files of LabVIEW and other NI programs, by npTDMS, extra stickslip[labview]."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .library import Signal, SignalGroup, clocked_source, equally_spaced, librar
 from .source import FileContent, Rows, add_format
 
 _WHAT = "TDMS file"
-_SINCE_1904 = 2_082_844_800.0  # s from 1904, the zero of TDMS, to 1970
-_FRACTION = 2.0**-64  # s, unit of the fractions in its dates
+_SINCE_1904 = 2_082_844_800.0  # time from 1904, from which dates in TDMS files count, to 1970, s
+_FRACTION = 2.0**-64  # unit of the fractions of a second in these dates, s
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
 
@@ -41,8 +41,8 @@ def read_tdms(path: Path) -> FileContent:
 
 
 def _clock(channel: Any) -> tuple[float, float, int] | None:
-    """Return first time [s], step [s] and number of samples of a channel; None if its properties do not have
-    them."""
+    """Return first time [s], sampling interval [s] and number of samples of a channel; None if its properties
+    have no positive interval."""
     step = channel.properties.get("wf_increment")
     if not isinstance(step, int | float) or not step > 0:
         return None

@@ -1,4 +1,4 @@
-"""Time columns of a table: each applies to the columns that follow it."""
+"""Assignment of several time columns of a table: each is the clock of the columns that follow it."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ import numpy as np
 from .file_units import in_seconds, to_si_unit
 from .source import FileChannel, FileContent, Rows, is_clock
 
-LOOKED = 1000  # number of samples by which time columns are compared
-AGREE = 0.1  # largest difference of two clocks by rounding, in sampling intervals
+LOOKED = 1000  # number of first samples with which time columns are compared
+AGREE = 0.1  # largest difference of two clocks, in sampling intervals, that may come from rounding
 _NAMED_FOR = re.compile(r"(time|t|zeit)[ _.-]\w.*|.*\w[ _.-](time|t|zeit)", re.IGNORECASE)
 
 
 def with_clocks(source: FileContent) -> FileContent:
-    """Return the source with a time column assigned to each channel, if the file has several time columns.
+    """Return the content of a file with a time column assigned to each channel, if the file has several time
+    columns.
 
-    A time column without columns after it is left out if it agrees with the next time column, such as a date
-    beside seconds. If it does not agree, the channels are unchanged, and the user is asked.
+    A time column that no column follows is ignored if it agrees with the next time column, such as a date
+    beside seconds. If it does not agree, the content is unchanged, so that `select` asks the user for the
+    time column.
     """
     channels = source.channels
     maybe = [i for i, one in enumerate(channels) if one.numeric and _may_be_time(one)]
@@ -43,7 +45,7 @@ def with_clocks(source: FileContent) -> FileContent:
 
 
 def _may_be_time(channel: FileChannel) -> bool:
-    """Return True if a channel has the name or the unit of a time."""
+    """Return True if a channel has the unit of a time or, without a unit, a name of a time."""
     if channel.unit:
         return in_seconds(channel)
     return is_clock(channel) or _NAMED_FOR.fullmatch(channel.name.strip()) is not None

@@ -1,4 +1,4 @@
-"""Names, units and clock of columns, from the lines above the samples."""
+"""Recognition of the names, units and clock of columns from the lines above the samples of a text file."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ from .source import FileChannel, is_clock
 
 _IN = re.compile(r"((?P<name>\S+( \S+)?) )?in (?P<unit>\S+)", re.IGNORECASE)
 _OVER_UNIT = re.compile(r"\s/\s(\S+)$")
-# Names with a unit without brackets: "Zeit/ms" and "Time, s". Only unambiguous units count, because "I/O" and
-# "max/min" are names.
+# Pattern of a name with a unit without brackets: "Zeit/ms" and "Time, s". Only some units count, because
+# "I/O"
+# and "max/min" are names.
 _TIGHT = re.compile(
     r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
 )
-# Units in a row below the names: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
+# Pattern of a field in a row of units below the names: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
 _UNIT_ALONE = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\}|'([^']*)'|in\s+(.+)")
 _HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]{0,60}\]|\([^)]{0,60}\)))?")  # "Time [s]" is one word
 
 
 def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str]:
-    """Return the fields of a line above the data, as many as there are columns if possible.
+    """Return the fields of a line above the data, as many as there are columns (`count`) if possible.
 
-    The last `blank` columns have no samples, and no names if only the data end with delimiters.
+    The last `blank` columns have no samples, because the data lines end with delimiters. If their names are
+    missing too, blank fields are appended.
     """
     mark = COMMENT.match(line)
     line = line[mark.end() :] if mark else line
@@ -41,7 +43,7 @@ def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str
         return fields[:-1]
     if len(fields) != count and (
         mark or delimiter == SPACE
-    ):  # names with blanks in them, or separated differently
+    ):  # names may contain blanks, or have another delimiter than the data
         ways = [_HEADER_WORD.findall(line)] if delimiter == SPACE else []
         ways += [split(line.strip(), sign) for sign in (",", ";", "\t")] if count > 1 else []
         for other in (*ways, re.split(r"\s{2,}|\t", line.strip())):
@@ -51,7 +53,7 @@ def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str
 
 
 def cut(fields: list[str], count: int) -> list[str]:
-    """Return the fields without blank ones beyond the last column."""
+    """Return the first `count` fields if all further ones are blank; otherwise all fields."""
     return fields[:count] if len(fields) > count and not any(fields[count:]) else fields
 
 
@@ -63,7 +65,16 @@ def titles(
     data: dict[int, list[str]],
     said: HeaderSettings,
 ) -> list[FileChannel]:
-    """Return the columns by name and unit, from the lines above the data and its first line."""
+    """Return the columns with their names and units, from the lines above the data.
+
+    Args:
+        lines: lines of the file.
+        above: fields of the lines above the data, by index of the line.
+        kinds: kind of each column.
+        signs: decimal sign, and texts for missing numbers.
+        data: fields of the first line of data, by its index.
+        said: settings above the data.
+    """
     rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds) and not _marks(fields)}
     texts = [i for i, fields in rows.items() if set(signs.kinds(fields)) in ({"s"}, {"s", "e"})]
     header = texts[-1] if texts else -1
@@ -99,21 +110,35 @@ def _refuse_words(
     titled: list[str] | None,
     data: dict[int, list[str]],
 ) -> None:
-    """Raise RecordingError for a line with numbers that has words where the data have numbers."""
+    """Raise RecordingError for a line below the header that has numbers, but also words in columns of
+    numbers.
+
+    Such a line is not skipped silently, because it may be a row of data with a wrong field.
+
+    Args:
+        line: index of the line.
+        fields: fields of the line.
+        kinds: kind of each column.
+        signs: decimal sign, and texts for missing numbers.
+        titled: names of the columns; None without a header.
+        data: fields of the first line of data, by its index.
+    """
     wrong = [k for k, field in enumerate(fields) if signs.kind(field) not in (kinds[k], "e")]
     fits = any(signs.kind(field) == kinds[k] in ("n", "d") for k, field in enumerate(fields))
     if not fits or all(kinds[k] == "e" for k in wrong):
         return
     name = str(wrong[0]) if titled is None else titled[wrong[0]]
     hint = f" (if the line is no data: skip={line + 1})" if titled is None else ""
-    # most values below are words, as with thousands separators
+    # If this field is a number, most fields of its column are words (thousands separators, for example). Then
+    # the first line of data is the wrong one.
     if signs.kind(fields[wrong[0]]) == "n":
         ((line, fields),) = data.items()
     raise RecordingError(f"line {line + 1}, column {name!r}: {fields[wrong[0]]!r} is not a number{hint}")
 
 
 def _said_names(kinds: str, said: HeaderSettings) -> list[FileChannel] | None:
-    """Return the columns by the names in the settings above the data; None if their number does not fit."""
+    """Return the columns with the names in the settings above the data; None if the number of names is
+    neither that of all columns, nor that of numeric columns with or without the first."""
     numeric = [k for k, kind in enumerate(kinds) if kind in "nd"]
     for places in (list(range(len(kinds))), numeric, numeric[1:]):
         if names := said.names(len(places)):
@@ -128,8 +153,8 @@ def _marks(fields: Sequence[str]) -> bool:
 
 
 def _names_and_units(rows: Sequence[list[str]]) -> tuple[list[str], list[str]]:
-    """Return the row of names, and the row of units below or above it ([] without one), from the last
-    lines."""
+    """Return the row of names and the row of units below or above it ([] without one), from `rows`, the last
+    lines above the data."""
     for k in range(len(rows) - 1, -1, -1):
         beside = rows[k - 1] if k else rows[1] if len(rows) > 1 else []
         units = [_unit_alone(field) for field in rows[k]]
@@ -139,7 +164,8 @@ def _names_and_units(rows: Sequence[list[str]]) -> tuple[list[str], list[str]]:
 
 
 def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
-    """Return True if a row contains units: all are known, or half of them below a time."""
+    """Return True if the row `units` contains units for the row `names`: all its texts are known units or, if
+    a name is that of a time, at least half."""
     given = [unit for unit in units if unit]
     known = sum(map(is_unit, given))
     clocks = [any(is_clock(channel_of(one)) for one in row) for row in (units, names)]
@@ -148,7 +174,8 @@ def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
 
 
 def _ticks(numbers: Sequence[float], increment: float) -> bool:
-    """Return True if numbers are the times of the header's clock."""
+    """Return True if numbers increase by the sampling interval `increment` in the header, within 1 %, so that
+    they are times."""
     return all(0.99 < (b - a) / increment < 1.01 for a, b in pairwise(numbers))
 
 
@@ -160,8 +187,20 @@ def with_header_clock(
     data: Sequence[Sequence[str]],
     signs: Signs,
 ) -> tuple[list[FileChannel], dict[int, HeaderClock]]:
-    """Return the channels with their clock, if the header has one and no column does; and the clocks by
-    channel."""
+    """Assign the clocks in the header to the channels, unless the file has a time column.
+
+    Args:
+        channels: channels of the columns.
+        said: settings above the data.
+        in_fields: clock found by `in_table`, if any.
+        counts: True: the first column contains the numbers of the samples.
+        data: fields of the first rows of data.
+        signs: decimal sign, and texts for missing numbers.
+
+    Returns:
+        The channels, with a time channel (a blank column, the column of numbers, or a new one) for each
+        different clock; and the clocks by the index of their time channel.
+    """
     times = [i for i, one in enumerate(channels) if one.numeric and (is_clock(one) or in_seconds(one))]
     if times and not counts:
         return channels, {}
@@ -196,8 +235,8 @@ def _unit_alone(field: str) -> str:
 
 
 def channel_of(header: str) -> FileChannel:
-    """Return the channel of a header: "Position [mm]" has the unit mm, "Force (left)" none, "u (mVpp)" an
-    unknown one."""
+    """Return the channel for the header of a column: "Position [mm]" has the unit mm, "Force (left)" no unit,
+    and "u (mVpp)" an unknown unit."""
     name, unit, certain = _name_and_unit(header)
     if not name:
         tight = _TIGHT.fullmatch(header)
@@ -212,7 +251,8 @@ def channel_of(header: str) -> FileChannel:
 def _name_and_unit(header: str) -> tuple[str, str, bool]:
     """Return the name and the unit in "name [unit]", "name (unit)", "name / unit" or "name in unit".
 
-    The third value is True for square brackets. Both texts are empty for other headers.
+    The third value is True for square brackets, whose content is certainly a unit. Both texts are "" for
+    other headers.
     """
     text = header.rstrip()
     opening = {"]": "[", ")": "("}.get(text[-1:], "")
@@ -231,12 +271,13 @@ def _name_and_unit(header: str) -> tuple[str, str, bool]:
 
 
 def _of_one(name: str, unit: str) -> bool:
-    """Return True if a unit is a ratio of two units of the same kind: "V/mV" is a voltage in mV."""
+    """Return True if a one-letter name and a unit, read together as the ratio `unit`, have no dimension:
+    "V/mV" is a column V in mV."""
     return len(name) == 1 and not to_si_unit(unit).unit
 
 
 def _distinct(columns: Sequence[FileChannel]) -> list[FileChannel]:
-    """Return the columns with distinct names: "Time", "x", "Time (2)", "x (2)"."""
+    """Return the columns with repeated names numbered: "Time", "x", "Time (2)", "x (2)"."""
     seen: Counter[str] = Counter()
     result = []
     for column in columns:

@@ -1,4 +1,4 @@
-"""Universal files (UFF, data set 58) of programs for vibration and modal analysis, read by pyuff, extra
+"""Reader of universal files (UFF, data set 58) of programs for vibration and modal analysis, by pyuff, extra
 stickslip[modal]."""
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .source import FileContent, add_format
 ENDINGS = (".uff", ".unv", ".uf")
 _WHAT = "universal file (UFF)"
 _BEGINS = re.compile(rb"\s{0,100}-1\s*?\n\s{0,100}\d{2,4}b?\s")
-_TIME = 17  # data type of an axis
+_TIME = 17  # code of a time axis
 _DIRECTIONS = {0: "", 1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 
 
@@ -56,7 +56,7 @@ def read_uff(path: Path) -> FileContent:
 
 
 def data_sets(path: Path) -> list[dict[str, Any]]:
-    """Return the data sets 58 (functions) of a universal file, as dictionaries of pyuff.
+    """Return the functions (data sets of type 58) in a universal file, as the dictionaries of pyuff.
 
     Raises:
         RecordingError: pyuff is not installed, or the file is damaged.
@@ -69,7 +69,8 @@ def data_sets(path: Path) -> list[dict[str, Any]]:
 
 
 def point(one: dict[str, Any]) -> str:
-    """Return the point and direction of a response: "8 +Z"."""
+    """Return number and direction of the response point of a function, such as "8 +Z"; `one` is a dictionary
+    of pyuff."""
     return f"{one.get('rsp_node', 0)} {_DIRECTIONS.get(one.get('rsp_dir', 0), '')}".strip()
 
 

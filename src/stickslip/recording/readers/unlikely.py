@@ -1,4 +1,5 @@
-"""Checks for implausible numbers in their unit, and for numbers without a unit: errors or warnings."""
+"""Checks of read values: errors for values that are implausible in their unit, warnings for values without a
+unit."""
 
 from __future__ import annotations
 
@@ -13,28 +14,31 @@ from .clocks import Clocked
 from .preview import LOOKED_AT, likely_unit
 from .selection import FileVariable, Selection
 
-# Largest plausible sizes (SI) around a stick-slip actuator, and probable units.
+# Largest plausible range (maximum minus minimum) of a channel of a stick-slip actuator by SI unit, and the
+# unit
+# that the numbers probably have if their range is larger.
 UNLIKELY = {
     "m": (0.2, "um or nm"),
     "V": (2e3, "mV"),
     "N": (1e4, "mN"),
     "m/s": (20.0, "mm/s"),
 }
-# Longest sampling interval in s, without a unit and with one in the file; it applies to more than `FEW`
-# samples.
+# Largest plausible median sampling interval, s, of a time column without a unit, and with a unit in the file;
+# only recordings with more than FEW samples are checked.
 LONGEST_STEP, LONGEST_SAID_STEP, FEW = 1.0, 30.0, 10
 
 
 def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked], units: Container[str]) -> None:
-    """Raise an error that asks for the unit if the numbers are not plausible in theirs, even if the file
-    states it.
+    """Raise an error that asks for the unit if a channel's range or the sampling interval is implausibly
+    large, even if the file states the unit.
 
     Args:
         chosen, groups: selected channels and their values.
         units: variables whose unit the user has given, which are not checked.
 
     Raises:
-        RecordingError: the message names the column, its size in SI, and the argument to give.
+        RecordingError: a value is implausible; the message names the column, its range in SI, and the
+            argument to give.
     """
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         step = float(np.median(np.diff(group.time))) if group.time.size > FEW else 0.0
@@ -65,8 +69,8 @@ def _unlikely(variable: FileVariable, size: str, likely: str, unit: str) -> Reco
 
 
 def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> None:
-    """Warn of unknown units, and of units that are assumed because neither file nor user states them, in one
-    line each."""
+    """Warn (RecordingWarning) of unknown units, and of units that are assumed because neither file nor user
+    states them, in one line each."""
     unsaid: dict[str, tuple[FileVariable, str]] = {}
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         named = [] if clock is None else [(clock, group.time)]
