@@ -81,7 +81,17 @@ def _states(hysteresis: object) -> int:
 
 
 def felt(gain, stage_mass, natural_frequency, capacitance):  # type: ignore[no-untyped-def]
-    """Return T/C_0, V/m: the voltage at the stops of a two-port per displacement of the stage."""
+    """Return the voltage at the elements of a MaxwellCapacitor per displacement of the stage, V/m.
+
+    The charge per displacement, which is the force per voltage `gain * stage_mass * natural_frequency**2`,
+    is divided by the capacitance.
+
+    Args:
+        gain: displacement of the stage per voltage, m/V.
+        stage_mass: mass of the stage, kg.
+        natural_frequency: natural angular frequency of the stage, rad/s.
+        capacitance: capacitance of the piezo, F.
+    """
     return gain * stage_mass * natural_frequency**2 / capacitance
 
 

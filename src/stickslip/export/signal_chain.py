@@ -10,18 +10,26 @@ import math
 
 
 def amplifier_settled(amplifier, wanted):
-    """Return the output of the amplifier at a constant input, V."""
+    """Return the settled output of the amplifier, V, at a constant input `wanted`, V."""
     return min(max(amplifier.gain * wanted + amplifier.offset, amplifier.low), amplifier.high)
 
 
 def amplifier_input(amplifier, output):
-    """Return the constant input that settles at an output within the amplifier's range, V."""
+    """Return the constant input, V, at which the amplifier settles to an output within its range, V."""
     return (output - amplifier.offset) / amplifier.gain
 
 
 def amplifier_after(amplifier, capacitance, wanted, now, h):
-    """Return the output after h seconds, V: a ramp at the slew rate, then an exponential towards the
-    target."""
+    """Return the amplifier's output after h seconds, V: a ramp at the slew rate, then an exponential towards
+    the settled output.
+
+    Args:
+        amplifier: the amplifier.
+        capacitance: capacitance of the piezo, F.
+        wanted: constant input of the amplifier during the step, V.
+        now: output at the start of the step, V.
+        h: s, the step.
+    """
     target = amplifier_settled(amplifier, wanted)
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * capacitance
     slew = min(amplifier.slew_rate, amplifier.max_current / capacitance)
@@ -34,17 +42,24 @@ def amplifier_after(amplifier, capacitance, wanted, now, h):
 
 
 def sensor_after(sensor, position, now, h):
-    """Return the position after h seconds as a sensor of one pole measures it, m."""
+    """Return the position that a sensor of first order (one pole) measures after h seconds, m.
+
+    Args:
+        sensor: the sensor.
+        position: true position during the step, m.
+        now: measured position at the start of the step, m.
+        h: s, the step.
+    """
     if math.isinf(sensor.bandwidth):
         return position
     return position + (now - position) * math.exp(-2.0 * math.pi * sensor.bandwidth * h)
 
 
 def channel_output(chain, seen):
-    """Return the output of a position channel, m, for the delayed position."""
+    """Return the output of a position channel, m, for the delayed position `seen`, m."""
     return chain.scale * seen + chain.offset
 
 
 def sensor_output(sensor, seen):
-    """Return the output of the conditioner, V."""
+    """Return the output of the sensor's signal conditioner, V, at the measured position `seen`, m."""
     return seen / sensor.sensitivity - sensor.offset

@@ -73,7 +73,7 @@ def check_chunks(path: Path, name: str, array: Any, chunk_bytes: int, axis: int,
     for one in (one for one in stored if one.chunk_offset[axis] < beyond):
         mask, packed = array.read_direct_chunk(one.chunk_offset)
         if mask:
-            continue  # the file says that the library must skip a filter of this chunk
+            continue  # the file says that a filter was not applied to this chunk; its size is not checked
         try:
             unpacked = zlib.decompressobj().decompress(packed, chunk_bytes + 1)
         except zlib.error as error:

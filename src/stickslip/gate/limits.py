@@ -24,30 +24,35 @@ class FileLimits(NamedTuple):
     memory; a larger file takes more in proportion to its size.
     """
 
-    # Bytes that a file may unpack to, however small it is: 8 million numbers, an hour of 8 channels, 300 Hz.
+    # Number of bytes to which any file may unpack, even a small one: 8 million numbers, such as an hour of 8
+    # channels at 300 Hz.
     unpacked: int = 64 * 2**20
-    # Bytes that a large file may unpack to, as a multiple of its size: measurements compress 2 to 10 times.
+    # Size to which a large file may unpack, as a multiple of its own size: measurements compress 2 to 10
+    # times.
     ratio: int = 10
-    # Number of visits to groups, arrays, cells, structure elements or blocks. An object that several paths
-    # lead to counts once for each path, so a cycle reaches the limit.
+    # Largest number of visits to groups, arrays, cells, structure elements or blocks. An object that several
+    # paths lead to counts once for each path, so a cycle reaches the limit.
     visits: int = 20_000
-    # Nesting depth of groups, cells or structures; a dSPACE capture has 4 levels.
+    # Largest nesting depth of groups, cells or structures; a dSPACE capture has 4 levels.
     depth: int = 32
-    # Signals of a file: columns of a text, rows of a matrix; a large data logger has some hundred.
+    # Largest number of signals in a file (columns of a text, rows of a matrix); a large data logger has some
+    # hundred.
     channels: int = 10_000
-    # Characters of a line of text, or of the part of it that a reader keeps: 10,000 columns of 25 characters.
+    # Largest number of characters in a line of text, or in the part that a reader keeps: 10,000 columns of 25
+    # characters.
     line: int = 2**18
-    # Characters of a name of a column, array or group; headers of instruments have below 100.
+    # Largest number of characters in the name of a column, array or group; instruments write less than 100.
     name: int = 1_000
-    # Attributes of one HDF5 object; a recording has 12.
+    # Largest number of attributes of one HDF5 object; a recording has 12.
     attributes: int = 1_000
-    # Bytes that all attributes of an HDF5 file may take; a recording has some kB of texts.
+    # Largest number of bytes in all attributes of an HDF5 file; a recording has some kB of texts.
     attribute_bytes: int = 16 * 2**20
-    # Chunks of one HDF5 array, each of which costs a look-up. The largest recordings have some thousand.
+    # Largest number of chunks of one HDF5 array, each of which costs a look-up; also of blocks of numbers in
+    # an MDF file. The largest recordings have some thousand.
     chunks: int = 100_000
-    # Seconds of processor time for counting the structure of one file; an intact file takes milliseconds.
+    # Longest processor time for counting the structure of one file, s; an intact file takes milliseconds.
     seconds: float = 5.0
-    # Bytes of the table of contents of a ZIP archive (NPZ): 20,000 arrays with short names.
+    # Largest number of bytes in the table of contents of a ZIP archive (NPZ): 20,000 arrays with short names.
     directory: int = 2**21
 
 
@@ -86,7 +91,7 @@ def _written_bytes(path: Path, size: int, enough: int) -> int:
                 start = os.lseek(file.fileno(), at, os.SEEK_DATA)
                 at = os.lseek(file.fileno(), start, os.SEEK_HOLE)
             except OSError as error:
-                return found if error.errno == errno.ENXIO else size  # only holes from here on
+                return found if error.errno == errno.ENXIO else size  # ENXIO: only a hole follows
             except AttributeError:  # only Linux has SEEK_DATA
                 return size
             found += at - start

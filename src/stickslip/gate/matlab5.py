@@ -123,7 +123,7 @@ class _Bytes:
         """Read the tag of the next element; return the length of its data and of the padding behind, in
         bytes."""
         (first,) = struct.unpack(f"{self.order}I", self.take(4))
-        if first >> 16:  # at most four bytes, inside the tag itself
+        if first >> 16:  # a short element, whose data (up to four bytes) are inside its tag
             return min(first >> 16, 4), 4 - min(first >> 16, 4)
         (length,) = struct.unpack(f"{self.order}I", self.take(4))
         return length, -length % 8

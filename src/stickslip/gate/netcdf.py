@@ -20,7 +20,7 @@ _OF_ANOTHER_AXIS = "_nc4_non_coord_"  # stored prefix of a variable named like a
 
 
 class NetcdfVariable(NamedTuple):
-    """A variable of a NetCDF file: names of its axes, its numbers (one array axis each), its attributes."""
+    """A variable of a NetCDF file: names of its axes, its numbers with these axes, and its attributes."""
 
     axes: tuple[str, ...]
     values: np.ndarray

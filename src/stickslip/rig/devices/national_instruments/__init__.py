@@ -1,3 +1,3 @@
-"""Cards of National Instruments."""
+"""Data acquisition cards of National Instruments: a rig that uses NI-DAQmx."""
 
 from .daqmx import DaqmxRig as DaqmxRig

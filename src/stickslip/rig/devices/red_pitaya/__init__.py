@@ -1,3 +1,3 @@
-"""The board Red Pitaya."""
+"""The board Red Pitaya (generator and fast inputs) as a rig."""
 
 from .stemlab import RedPitayaRig as RedPitayaRig

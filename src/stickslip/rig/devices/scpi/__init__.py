@@ -1,3 +1,3 @@
-"""Function generators and oscilloscopes that use SCPI, of several makers."""
+"""Function generators and oscilloscopes of several makers that use SCPI, as a rig; `twin` simulates them."""
 
 from .pair import PairRig as PairRig

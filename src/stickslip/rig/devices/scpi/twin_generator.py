@@ -63,8 +63,8 @@ class GeneratorTwin(ScpiDevice):
         }
 
     def leave(self) -> None:
-        """Do nothing: a burst continues to its end, because the instrument does not know that its program has
-        gone."""
+        """Do nothing when the connection ends: the instrument does not notice it, and a burst continues to
+        its end."""
 
     def _keep(self, name: str) -> Any:
         def keep(given: list[str], block: bytes) -> None:

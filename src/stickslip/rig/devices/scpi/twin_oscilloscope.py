@@ -44,7 +44,7 @@ class OscilloscopeTwin(ScpiDevice):
         ]()
 
     def leave(self) -> None:
-        """Do nothing: the instrument does not know that its program has gone."""
+        """Do nothing when the connection ends, which the instrument does not notice."""
 
     def _as_keysight(self) -> None:
         self._keep("TIM:MODE TIM:REF ACQ:TYPE TRIG:MODE TRIG:SWE TRIG:EDGE:SOUR TRIG:EDGE:SLOP TRIG:EDGE:LEV")
