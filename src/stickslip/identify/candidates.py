@@ -36,8 +36,8 @@ class Candidate(NamedTuple):
     free: tuple[str, ...]
     bounds: Bounds
     starts: int = 1  # more for a law whose sum of squares has several local minima
-    tied: Mapping[str, str] = {}  # the default is never modified
-    priors: Mapping[str, tuple[float | str, float | str]] = {}  # the default is never modified
+    tied: Mapping[str, str] = {}  # the shared default is never changed
+    priors: Mapping[str, tuple[float | str, float | str]] = {}  # the shared default is never changed
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ def compared(
     for i, law in enumerate(laws):
         progress(f"fitting {law.label}", i / len(laws))
         found = fit(law)
-        assert found.predict is not None  # the fits of all laws can predict
+        assert found.predict is not None  # every fit of a candidate can predict recordings
         residuals = [found.predict(r, *w) - m for r, w, m in zip(recordings, given, measured, strict=True)]
         parts = [goodness(r, m) for r, m in zip(residuals, measured, strict=True)]
         whole = goodness(np.concatenate(residuals), np.concatenate(measured), "verification", observed[1])

@@ -1,4 +1,4 @@
-"""Free parameters of a model: names, initial values and bounds."""
+"""Setup of a fit's parameters from the user's arguments: names, initial values, bounds, priors and ties."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def parameter(model: Any, name: str, bounds: Bounds, along: Coordinate = LENGTH)
     start, quantity = value_of(model, name)
     if name in NORMAL_FIELDS and model.normal_force is None and name in bounds:
         low, high = given_bounds(bounds, name, quantity.unit if quantity else "") or (start, start)
-        start = 0.5 * (low + high)  # the model has no value for it
+        start = 0.5 * (low + high)  # the model has no normal force, so no value to start from
     if quantity is None:
         ratio = ratios_of(law_of(model))[name]
         ends = (ratio.lower, ratio.upper)
@@ -310,8 +310,8 @@ def with_ties(parameters: Sequence[Parameter], tied: Mapping[str, str] | None) -
 
 
 def with_prior(p: Parameter, priors: Bounds) -> Parameter:
-    """Return the parameter with its prior, a value and a standard deviation in SI or as strings, if `priors`
-    has one."""
+    """Return the parameter with its prior from `priors`, which contains value and standard deviation by name,
+    in SI or as strings; unchanged if it has none there."""
     if p.name not in priors:
         return p
     value, deviation = (to_si(given, p.unit, f"prior of {p.name}") for given in priors[p.name])

@@ -90,7 +90,7 @@ class Requirement(NamedTuple):
 _RELATIONS: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le,
 }  # fmt: skip
-# Figures of merit that can be required, with their units.
+# Figures of merit that a requirement may name, with their SI units.
 FIGURES = {
     "r_squared": "",
     "rmse": "m",

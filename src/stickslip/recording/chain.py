@@ -23,9 +23,9 @@ class Chain(NamedTuple):
     position before the drive starts is subtracted from the channel, and `offset` is the remaining offset.
     """
 
-    delay: Annotated[float, Quantity("s", "t_d", "of the channel behind the drive")] = 0.0
-    offset: Annotated[float, Quantity("m", "x_0", "of the channel")] = 0.0
-    scale: Annotated[float, Quantity("", "s", "of the channel over the position", above=0)] = 1.0
+    delay: Annotated[float, Quantity("s", "t_d", "delay of the position channel")] = 0.0
+    offset: Annotated[float, Quantity("m", "x_0", "offset of the position channel")] = 0.0
+    scale: Annotated[float, Quantity("", "s", "recorded over true position", above=0)] = 1.0
     slew_rate: Annotated[float, Quantity("V/s", "", "of the amplifier", above=0, maximum=math.inf)] = math.inf
     zeroed: bool = False
 

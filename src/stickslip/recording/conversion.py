@@ -47,7 +47,7 @@ def to_si_unit(unit: str) -> Conversion:
     if text in SI_UNITS:
         return Conversion(text, 1.0, 0.0)
     spellings = [text]
-    if len(text) > 3 and text.isalpha():  # "Volts" and "Newton" are common; short symbols differ by case
+    if len(text) > 3 and text.isalpha():  # names such as "Volts" in lower case; in short symbols case matters
         spellings += [text.lower(), text.lower().rstrip("s")]
     for spelling in spellings:
         for target in _targets(spelling):

@@ -27,7 +27,7 @@ class Dataset(NamedTuple):
     url: str
     licence: str
     credit: str
-    files: Mapping[str, str]  # path below `url` -> SHA-256
+    files: Mapping[str, str]  # SHA-256 of each file, by its path below `url`
 
 
 DATASETS = {name: Dataset(**entry) for name, entry in tomllib.loads(_FILE.read_text("utf-8")).items()}
@@ -76,7 +76,7 @@ def fetch(url: str, sha256: str, name: str) -> Path:
         RecordingError: pooch is not installed, the address cannot be reached, or the checksum differs.
     """
     try:
-        import pooch  # an extra: only examples download data
+        import pooch  # an optional dependency, because only examples download data
     except ImportError as error:
         raise RecordingError("fetching it needs pooch: pip install 'stickslip[data]'") from error
     cache, outer = Path(pooch.os_cache("stickslip")) / name, sys.exception()

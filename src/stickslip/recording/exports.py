@@ -85,7 +85,8 @@ def save_csv(
     whole = [recording["time"].values, *(values for _, _, values in columns)]
     with replaced_whole(target) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.write(header + "\n")
-        for at in range(0, whole[0].size, _ROWS):  # Python numbers take ten times the memory of an array
+        # Rows are written in parts, because lists of numbers take ten times the memory of an array.
+        for at in range(0, whole[0].size, _ROWS):
             rows = np.array([values[at : at + _ROWS] for values in whole]).T.tolist()
             file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
     return target

@@ -43,7 +43,7 @@ def save_nexus(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
             that NeXus does not allow, or the name of the file does not end in ``.nxs``.
         OSError: the file cannot be written.
     """
-    from ..gate.hdf5_writing import Group, hdf5_bytes, hdf5_version  # HDF5 only for those who write it
+    from ..gate.hdf5_writing import Group, hdf5_bytes, hdf5_version  # imported only for writing
 
     target = Path(path).resolve()
     if target.suffix != NEXUS:
@@ -119,7 +119,8 @@ def _data(recording: xr.Dataset) -> Any:
     members = {}
     for name in ("time", *names):
         variable = recording[name]
-        links = {"target": f"{DATA}/{name}"} if name in positions else {}  # how NeXus marks a linked field
+        # NeXus requires the attribute "target" of a field to which other groups have links.
+        links = {"target": f"{DATA}/{name}"} if name in positions else {}
         members[name] = Field(variable.values, {**storable_attributes(variable.attrs, f"{name}."), **links})
     return _group("NXdata", members, **attributes, **({"auxiliary_signals": others} if others else {}))
 

@@ -45,7 +45,7 @@ def replaced_whole(target: Path) -> Iterator[Path]:
         raise OSError(error.errno, error.strerror, str(target)) from error
     finally:
         temporary.unlink(missing_ok=True)
-    if os.name == "posix":  # other systems cannot open a folder
+    if os.name == "posix":  # only there can a folder be opened, to write its new entry to the disk
         _sync(target.parent)
 
 
@@ -92,7 +92,7 @@ def remove_leftovers(folder: Path) -> int:
 
 
 def is_running(process: int) -> bool:
-    """Return True if a process with that number, other than this one, exists."""
+    """Return True if a process with the number `process` exists and is not the calling process."""
     if process in (0, os.getpid()):
         return False  # this process has not written yet: an earlier one had the same number
     try:

@@ -38,7 +38,7 @@ class RecordingWarning(UserWarning):
 
 
 class Meaning(NamedTuple):
-    """Unit (SI) and plain name of a quantity."""
+    """SI unit and descriptive name of a standard variable."""
 
     unit: str
     long_name: str
@@ -99,7 +99,7 @@ def _warn_of_misspelling(name: str) -> None:
 class Sampling(NamedTuple):
     """Intervals of a time axis, in seconds: the median, the smallest and the largest."""
 
-    interval: float  # median interval, s
+    interval: float  # median interval
     smallest_gap: float
     largest_gap: float
 

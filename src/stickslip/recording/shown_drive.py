@@ -30,8 +30,7 @@ SURELY = 6.0  # deviation, in standard deviations of the noise, that no sample r
 _NEAR, _OFTEN = 0.01, 0.05
 # Users choose round numbers, so frequency, amplitude and offset are rounded: by at most the relative change
 # _ROUND, and if the residual does not increase by more than the relative change _AS_GOOD or, with few
-# samples,
-# _CHANCE / number of samples (three standard errors).
+# samples, _CHANCE / number of samples (three standard errors).
 _ROUND, _AS_GOOD, _CHANCE = 0.003, 0.005, 4.5
 _EXPLAINED = 1.3  # residual, in units of the channel's white noise, above which other frequencies are tried
 _STEPS = 8  # largest number of Gauss-Newton steps; two or three are usual
@@ -171,7 +170,7 @@ def _candidates(time: Array, moved: Array) -> list[Drive]:
     apart = float(edges[-1] - edges[0])
     rate = (len(edges) - 1) / apart
     left = time[np.abs(moved) > max(0.02 * (high - low), SURELY * noise_level(moved))]
-    if not left.size:  # only noise
+    if not left.size:  # no sample differs from the level at rest by more than the noise
         return []
     count = float(max(1, round(float(left[-1]) * rate + 0.02)))
     shapes: list[Drive] = [one(size, rate, periods=count) for one in (Sawtooth, ReverseSawtooth, Triangle)]
@@ -281,7 +280,8 @@ class _Fitted(NamedTuple):
         return of(_roundest(value, within, lambda one: of(one).residual <= most))
 
     def shown(self, start: float) -> RecognisedDrive:
-        """Return the recognised waveform in the time of a recording that starts at `start`."""
+        """Return the recognised waveform with its start in the time of a recording whose first sample is at
+        `start` [s]."""
         return RecognisedDrive(start + self.begin, self.shape, self.residual)
 
 

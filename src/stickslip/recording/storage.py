@@ -70,10 +70,11 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
 def _stored(path: Path) -> xr.Dataset:
     """Return the content of a NetCDF or NeXus file as a Dataset, unchecked. It is not read by xarray, which
     takes several times as long."""
+    # Imported here, so that simulations, which do not need HDF5, start faster.
     import xarray as xr
 
     from ..gate.hdf5 import has_attribute
-    from ..gate.netcdf import read_netcdf  # simulations need not load HDF5
+    from ..gate.netcdf import read_netcdf
     from ..gate.nexus import ATTRIBUTES, read_nexus
 
     found = read_netcdf(path)

@@ -1,9 +1,9 @@
 r"""Posterior distributions of an actuator's parameters: all values that are compatible with the recordings.
 
-The likelihood is Gaussian at the noise level of the fit. Autocorrelated noise is allowed for by an effective
-variance in each direction [ribatet2012]: the curvature of the likelihood at the estimate is made that of the
-fit's own covariance. For this the likelihood is evaluated at :math:`\hat q + C (q - \hat q)` with :math:`C =
-H^{-1/2} (H^{1/2} V H^{1/2})^{-1/2} H^{1/2}`, H the curvature for white noise and V the covariance. Delay and
+The likelihood is Gaussian at the noise level of the fit. For autocorrelated noise it is too narrow, so its
+curvature at the estimate is adjusted to the fit's own covariance V [ribatet2012]: the likelihood is evaluated
+at :math:`\hat q + C (q - \hat q)` with :math:`C = H^{-1/2} (H^{1/2} V H^{1/2})^{-1/2} H^{1/2}`. Here q are
+the parameters' coordinates, :math:`\hat q` their estimates, and H the curvature for white noise. Delay and
 offset of the channel are integrated out (see `likelihood`), and drawn with the other values. The priors are
 evaluated at q itself.
 """
@@ -271,7 +271,8 @@ def curvature_adjustment(fit: Fit, variance: float) -> Array:
     ends = np.cumsum([g.n_data for g in fit.recordings])[:-1]
     noise = noise_of(fit)
     power = scores(np.split(j, ends), noise) / variance
-    # With H = U diag(w) U', in units of the variance: M = H^(-1/2) power H^(-1/2).
+    # `power` is the covariance of the score. With H = J^T J = U diag(w) U^T, all in units of the variance,
+    # the eigenvalues m and eigenvectors v are of H^(-1/2) power H^(-1/2).
     w, u = np.linalg.eigh(j.T @ j)
     root, back = (u * np.sqrt(w)) @ u.T, (u / np.sqrt(w)) @ u.T
     m, v = np.linalg.eigh(back @ power @ back)

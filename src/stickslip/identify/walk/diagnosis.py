@@ -41,7 +41,7 @@ from .walks import DIFFERENCE_STEP, Walks, own_values
 # Number of terms that are fitted even if one of them explains the walks already, because other terms may
 # explain them equally well.
 FEWEST_FITTED = 4
-# CPU time [s] after which no further term is fitted.
+# CPU time [s] of a diagnosis after which no further term is fitted.
 SECONDS = 20.0
 # Share of the sum of squares of correlated residuals: a term that explains more is reported as missing even
 # if the noise is unknown.

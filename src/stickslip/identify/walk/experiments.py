@@ -27,7 +27,7 @@ class PlannedWalk(NamedTuple):
 
     drive: Waveform
     duration: Annotated[float, Quantity("s", "", "length of the recording", above=0.0)]
-    sample_rate: Annotated[float, Quantity("Hz", "", "rate of its samples", above=0.0)]
+    sample_rate: Annotated[float, Quantity("Hz", "", "sample rate of the position", above=0.0)]
     noise: Annotated[float, Quantity("m", "", "standard deviation of a sample's noise", above=0.0)]
     repeats: int = 1
 

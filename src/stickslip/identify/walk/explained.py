@@ -99,7 +99,7 @@ def explained(
     settings |= {"averaged": False, "settled": NEAR, "slew_rate": slew_rate, "tied": fit.tied, **options}
     more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
-    if any(one.seen for one in loose.lack):  # otherwise the fit may have ended in a local minimum
+    if any(one.seen for one in loose.lack):  # a misfit may come from a local minimum: search for others
         again = identify_friction(walks, fit.model, [*free, *more], **settings)
         loose = min(loose, again, key=lambda one: one.cost)
     if not more:
@@ -110,14 +110,14 @@ def explained(
     known = identify_friction(walks, start, free, hops=0, **at)
     if (
         known.cost > loose.judgement.lack_ratio**2 * loose.cost
-    ):  # the fit may have ended in a different local minimum
+    ):  # the fit with the known stage may have ended in another local minimum than the one with free stage
         law = loose.model.friction
         others = [
             identify_friction(walks, fit.model, free, **settings),
             identify_friction(walks, fit.model.replace(friction=law), free, hops=0, **settings),
         ]
         known = min(known, *others, key=lambda one: one.cost)
-    if known.cost < loose.cost:  # a fit with more free values cannot be worse: it ended in a local minimum
+    if known.cost < loose.cost:  # the fit with more free values is worse, so it ended in a local minimum
         settings["begin"] = begin | {name: known.values[name] for name in begin}
         loose = identify_friction(walks, known.model, [*free, *more], hops=0, **settings)
     allowed = _allowed(known, walks, drives, slew_rate, stage, stages, loose.rmse)

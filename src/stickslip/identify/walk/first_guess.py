@@ -36,13 +36,12 @@ from .position_channel import CHANNEL
 
 NAMES = ("coulomb_force", "sigma_0", "sigma_1")
 # Ranges of initial guesses: Coulomb force relative to m A omega_n^2, deflection before sliding relative to
-# the
-# stroke A; and the damping ratio of the contact.
+# the stroke A; and the damping ratio of the contact.
 FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
 # Number of drive periods that are used for initial guesses. If they have at most FEWEST samples, the whole
 # recording is used.
 PERIODS, FEWEST = 3, 30
-# Bounds closer to the estimate than this factor are treated as defaults, not as the user's choice.
+# Factor between a value and its default bound below which the bound counts as near and is moved outwards.
 NEAR = 3.0
 # Number of points that are simulated, number of the best that are refined by a short search, and largest
 # number of evaluations of such a search.

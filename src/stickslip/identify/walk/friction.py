@@ -106,13 +106,10 @@ def identify_friction(
         free: parameters to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
             second element) and of the actuator ("end_effector_mass", "gain", ...); "stiction_ratio" (stiction
             over Coulomb friction) and "breakaway_share" (breakaway deflection over Coulomb force / sigma_0),
-            whose
-            bounds are numbers while those of the fields depend on each other; and of the position channel,
-            one for
-            all recordings, "delay" [s]
-            and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio. Each is a
-            name, or a `Parameter` with its initial value, bounds and prior in SI, fixed or tied, for example
-            from another fit (``fit.parameters``).
+            whose bounds are numbers while those of the fields depend on each other; and of the position
+            channel, one for all recordings, "delay" [s] and "offset" [m]. Stiction and breakaway deflection
+            that are not free keep their ratio. Each is a name, or a `Parameter` with its initial value,
+            bounds and prior in SI, fixed or tied, for example from another fit (``fit.parameters``).
         drive: waveform of each recording (or one for all), in the time of the recording. By default, or None:
             the one that the recording names or its channel drive_voltage shows (see `taken_drive`), else that
             channel, with its jumps as far as the samples show them (see `recorded_drive`).
@@ -280,7 +277,8 @@ def _parameters(
 
 
 def _check(model: Actuator, free: Sequence[str], bounds: Bounds, priors: Bounds, noise: float | None) -> None:
-    """Raise QuantityError unless all bounds and priors belong to free parameters that exist."""
+    """Raise QuantityError unless the model has all free parameters, all bounds and priors belong to them, and
+    the noise is given if there are priors."""
     own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
     check_priors(priors, free, noise, "[m], the position's deviation")
     check_names(free, [*free_names(model), *CHANNEL], own)
@@ -375,6 +373,7 @@ def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fi
 
 
 def _at_end(walks: Walks, fit: Fit, max_evaluations: int) -> Fit:
-    """Return the fit, continued along a curved minimum if its search was interrupted there."""
+    """Return the fit, after its search is continued along a curved minimum if it was stopped there before its
+    end."""
     there = straightened(fit.parameters, fit.values)
     return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations))

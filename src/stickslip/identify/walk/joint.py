@@ -93,8 +93,7 @@ class Weight(NamedTuple):
         """Return samples [n], or columns of samples [n, k], transformed so that noise of this model becomes
         white with the standard deviation `level`."""
         # With white noise of variance 1, the first sample and the differences of neighbouring samples have
-        # this
-        # tridiagonal covariance; its Cholesky factor whitens them.
+        # this tridiagonal covariance; its Cholesky factor whitens them.
         band = np.full((2, len(rows)), -1.0)
         band[0] = 2.0 + self.walk
         band[0, 0] = 1.0

@@ -33,9 +33,8 @@ def with_reaction(fit: Fit, walks: Walks, max_evaluations: int) -> Fit | None:
     if model.stage_reaction or model.static or model.clamped:
         return None
     # power = 0: the search uses logarithms of the values, with which more searches from distant values
-    # converge
-    # than with the powers that straighten minima. It is not stopped early, because a model that is far worse
-    # after a few evaluations may end better.
+    # converge than with the powers that straighten minima. It is not stopped early, because a model that is
+    # far worse after a few evaluations may end better.
     start = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
     reacting = replace(walks, model=model.replace(stage_reaction=True))
     tolerance = SLOW / fit.degrees_of_freedom

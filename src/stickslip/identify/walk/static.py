@@ -50,7 +50,8 @@ def slow_part(drive: Drive, end: float) -> Callable[[Array], Array]:
     usual = float(speed[moving][order][np.searchsorted(share, 0.5 * share[-1])]) if share.size else 0.0
     fast = speed > FAST * usual
     jumps = first - np.append(drive.before, last[:-1])
-    # Voltage that was left behind before each segment: all jumps so far, and the earlier fast segments.
+    # Voltage change [V] up to the start of each segment that the end-effector has not followed: the sum of
+    # all jumps so far and of the earlier fast segments.
     behind = np.cumsum(jumps) + np.append(0.0, np.cumsum(np.where(fast, last - first, 0.0))[:-1])
 
     def of(times: Array) -> Array:

@@ -38,8 +38,7 @@ DIFFERENCE_STEP = 5e-4
 # Convergence limits: a search ends if its next step is shorter than this share of the radius of the
 # confidence region. Errors of simulated derivatives alone cause steps of some thousandths. SETTLED raises
 # chi-squared by less than the difference between searches that agree (`SAME_MINIMUM`). NEAR is accurate
-# enough
-# for averages over fits with one value fixed, and for comparisons of residuals.
+# enough for averages over fits with one value fixed, and for comparisons of residuals.
 SETTLED, NEAR = 2e-2, 0.1
 
 Array = NDArray[np.float64]
@@ -226,8 +225,7 @@ class Walks:
 
     def _with_noise(self, fit: Fit) -> Fit:
         # Noise is estimated from the residuals if it is not given, or with clock jitter, which a given noise
-        # does
-        # not include.
+        # does not include.
         own = self.noise is None or any(one.independent for one in fit.jitter)
         if self.correlated is None and own and self.loss == "linear":
             fit = with_own_noise(fit)

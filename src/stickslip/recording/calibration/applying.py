@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 Part = Calibration | str | os.PathLike[str]
 Chain = Part | Sequence[Part]
 # Excess of readings beyond the range of a calibration, relative to the range, up to which there is no
-# warning,
-# because noise may cause it.
+# warning, because noise may cause it.
 BEYOND = 0.05
 
 
@@ -149,7 +148,7 @@ def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = ""
     """
     known = json_attribute({"calibration": before}, "calibration")
     if before and not known:
-        known["notes"] = before  # free text from a reader
+        known["notes"] = before  # an attribute that is not JSON is free text
     for name, texts in applied.items():
         if not texts:
             continue

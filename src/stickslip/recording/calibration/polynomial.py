@@ -87,7 +87,7 @@ class Calibration:
         if self.covariance is None or not self.degrees_of_freedom or self.residual_deviation is None:
             raise CalibrationError(f"the calibration {self.name!r} says nothing of its uncertainty")
         x = array_si(x, self.x_unit, "x")
-        # The covariance of powers of x is badly scaled, so x is divided by its largest value.
+        # Powers of x differ by many decades, so x is divided by its largest value to limit rounding errors.
         scale = max(abs(self.low), abs(self.high), 1e-300)
         units = scale ** np.arange(self.order + 1.0)
         powers = np.power.outer(x / scale, np.arange(self.order + 1))
@@ -117,7 +117,7 @@ class Calibration:
                 f"{self.y_unit}; {y.min():.6g} to {y.max():.6g} {self.y_unit} is asked for"
             )
         x = np.interp(y, values, grid)
-        for _ in range(3):  # Newton's method from three accurate digits to the last one
+        for _ in range(3):  # Newton's method refines the interpolated readings to full precision
             x = x - (self(x) - y) / self.slope(x)
         return x
 

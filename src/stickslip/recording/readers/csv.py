@@ -1,8 +1,8 @@
 """Reader of text files of numbers: CSV, TSV, or separated by white space.
 
 pandas reads them in chunks, 70 to 100 MB/s on one core (four times ``numpy.loadtxt``), into arrays that grow
-in place: the memory is that of the result plus one chunk. Dates become seconds since the first of them,
-because a double of seconds since 1970 would round them to 0.2 us.
+in place, so the memory is that of the result plus one chunk. Dates become seconds since the first date,
+because float64 seconds since 1970 have a resolution of only 0.2 us.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .stamps import Stamped, iso
 if TYPE_CHECKING:
     import pandas as pd
 
-CHUNK = 1 << 23  # bytes of text
+CHUNK = 1 << 23  # size of the text that is read at once, bytes
 
 
 def read_csv(
@@ -108,7 +108,8 @@ def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows
 
 
 class _Lines:
-    """A text file for pandas in which no line may be longer than `LIMITS.line`."""
+    """A text file, as pandas reads it: lines in a form that pandas understands, none longer than
+    `LIMITS.line` characters."""
 
     def __init__(self, path: Path, file: TextIO, layout: TextLayout) -> None:
         self._path, self._file, self._layout, self._run = path, file, layout, 0
@@ -192,7 +193,8 @@ def _is_date(text: str, how: Stamped) -> bool:
 
 
 def _rows(path: Path, layout: TextLayout) -> Iterator[tuple[int, str]]:
-    """Yield number (from 1) and text of each line of data; slow, used to locate an error."""
+    """Yield the line number in the file (from 1) and the text of each row of data; slow, so only used to
+    locate an error."""
     with opened(path) as raw, TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as file:
         for number, line in enumerate(_Lines(path, file, layout), 1):
             if number > layout.first_line and layout.is_data(line):
@@ -246,7 +248,7 @@ def _check_last_line(path: Path, layout: TextLayout) -> None:
     last number may be wrong."""
     if layout.encoding == "utf-16":
         return  # `_tail` may start in the middle of a two-byte character
-    last = _tail(path, layout)[-1]  # empty if the file ends with a line end, as most do
+    last = _tail(path, layout)[-1]  # "" if the file ends with a line end, as most files do
     fields = layout.split(last)
     if layout.is_data(last) and len(fields) < len(layout.kinds):
         raise RecordingError(

@@ -28,7 +28,8 @@ def find_capture(tree: dict[str, Any]) -> Capture | None:
     none.
 
     Raises:
-        RecordingError: a capture whose signals and clocks do not fit together.
+        RecordingError: the numbers of samples, or the rasters, of a capture's signals and clocks do not
+            match.
     """
     if isinstance(tree.get("trace_x"), Leaf) and isinstance(tree.get("trace_y"), Leaf):
         return _flat(tree["trace_x"], tree["trace_y"], tree)

@@ -31,15 +31,14 @@ def _missing() -> frozenset[str]:
 # Texts in place of a missing, infinite or out-of-range number; `missing_values` adds further ones.
 MISSING = _missing()
 # Smallest magnitude of a number that means a missing or out-of-range value: instruments write 9.9e37 (SCPI)
-# or
-# their largest number.
+# or their largest number.
 OVERLOAD = 9.89e37
 
 # These patterns have no two ways to match the same characters, so that the time does not grow out of bounds
 # for a field as long as a line.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?")
-FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # "1.0D-03"
-# Texts of Microsoft's C library for missing numbers: "1.#QNAN", "-1.#IND00", "1.#INFe+000".
+FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # the exponent's letter in Fortran's "1.0D-03"
+# Pattern of texts of Microsoft's C library for missing numbers: "1.#QNAN", "-1.#IND00", "1.#INFe+000".
 LIBRARY = re.compile(r"[+-]?1[.,]#[A-Za-z]+\d*([eE][+-]?\d+)?")
 
 

@@ -78,7 +78,7 @@ def to_si_scale(text: str) -> Conversion:
 
 @functools.lru_cache(
     maxsize=10_000
-)  # number of columns that a file may have, each of which is checked several times
+)  # one entry for each column of the widest allowed file, because each unit is checked several times
 def is_unit(text: str) -> bool:
     """Return True if `to_si_unit` accepts the text as a unit."""
     return conversion.is_unit(text, to_si_unit)

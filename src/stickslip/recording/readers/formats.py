@@ -52,7 +52,7 @@ def find_format(path: Path) -> str:
     if not path.is_file():
         raise RecordingError("no plain file: a pipe or a device")
     check_regular(path)
-    if not path.stat().st_size:  # empty, or a system file (/proc), of which some never end
+    if not path.stat().st_size:  # also true of system files (/proc), some of which never end
         raise RecordingError("the file is empty; record or export it again")
     with opened(path) as file:
         head = file.read(1 << 16)

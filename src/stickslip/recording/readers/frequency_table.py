@@ -123,7 +123,7 @@ def response_columns(channels: Sequence[FileChannel]) -> ResponseColumns | None:
 
 def _role(channel: FileChannel) -> str:
     text = re.sub(r"[_.]+", " ", channel.shown).strip().lower()
-    texts = (text, re.split(r"\s*[\[(<]", text)[0])  # with and without the unit
+    texts = (text, re.split(r"\s*[\[(<]", text)[0])  # the header with and without its unit
     return next((name for name, pattern in _ROLES if any(re.search(pattern, one) for one in texts)), "")
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ...gate.hdf5 import Hdf5Array, Hdf5Group, Hdf5Tree
 
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS")
-_SECONDS_SINCE = " since "  # in units of NetCDF times: "seconds since 2020-02-20"
+_SECONDS_SINCE = " since "  # separates unit and date in NetCDF's "seconds since 2020-02-20"
 _PLACES = (0, 512, 1024, 2048)  # offsets at which HDF5 content may start, after a block of another program
 
 

@@ -7,8 +7,7 @@ import re
 from .source import FileChannel, is_clock, time_unit
 
 # Endings of column names (in lower case) that are units, and the unit. Of one-letter units, V counts after
-# any
-# name, but s only after a time, m after a length and a capital N after a force: "x_m" may be "measured",
+# any name, but s only after a time, m after a length and a capital N after a force: "x_m" may be "measured",
 # "force_n" the normal force or the n-th one. A never counts: it is a channel as often as ampere or angstrom.
 _ENDS = {"sec": "s", "msec": "ms", "usec": "us", "nsec": "ns", "v": "V", "mv": "mV", "kv": "kV", "uv": "uV"}
 _ENDS |= {

@@ -138,7 +138,8 @@ class Inspection(NamedTuple):
         assert self.recording is not None
         time, interval = self.recording["time"].values, self.interval
         steps = np.diff(time) / interval
-        jitter = float(np.max(np.abs(steps[steps <= PAUSE] - 1.0)))  # gaps are reported below
+        # Intervals longer than a pause are gaps, which are reported below, and not irregularity.
+        jitter = float(np.max(np.abs(steps[steps <= PAUSE] - 1.0)))
         lines = [
             f"{time.size} samples, {with_prefix(interval, 's')} apart ({with_prefix(1.0 / interval, 'Hz')}"
             f"{f', up to {100 * jitter:.2g} % irregular' if jitter > 1e-3 else ''}), from "

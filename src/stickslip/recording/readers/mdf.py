@@ -14,7 +14,7 @@ from ...gate.mdf import check_mdf
 from .. import RecordingError
 from .source import FileChannel, FileContent, Rows, add_format
 
-_NUMBERS = range(6)  # data types of the standard: integers and reals of either byte order
+_NUMBERS = range(6)  # codes of the standard for data types of numbers: integers and reals of both byte orders
 _FORMULA = 3  # type of a conversion by a formula, which is text in the file
 _TEXTS = range(7, 12)  # types of conversions whose result is text
 
@@ -59,7 +59,7 @@ def _opened(path: Path) -> Any:
     try:
         with opened(path) as plain:
             file = MDF(name_of(plain))
-    except Exception as error:  # asammdf has its own exceptions, and passes others
+    except Exception as error:  # asammdf raises its own exceptions and those of other libraries
         raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
     return file
 

@@ -62,7 +62,7 @@ def look(path: Path) -> dict[str, Any]:
         for i in range(len(source.channels[:MOST_COLUMNS]))
     ]
     taken: dict[str, str] = {}
-    for one in columns:  # a name is used once, and numbered if the file repeats it
+    for one in columns:  # each guess is used once; a column whose name is repeated in the file gets a number
         first = taken.setdefault(one["guess"], one["name"])
         again = [other for other in columns[: one["index"]] if other["name"] == one["name"]]
         if one["guess"] and (again or first != one["name"]):
@@ -135,7 +135,8 @@ def _meaning(channel: FileChannel) -> str:
     if whole in STANDARD_NAMES:
         return whole
     said = _dimension(channel.unit)
-    if said in ("rad", "") and re.search(r"\bphase\b|\barg\b", text):  # phase of a response, not of a rotor
+    # A phase without a unit, or in rad, belongs to a frequency response and is not a position.
+    if said in ("rad", "") and re.search(r"\bphase\b|\barg\b", text):
         return ""
     for pattern, name in _MEANINGS:
         if re.search(pattern, text) and (not said or fits_name(name, said)):

@@ -76,7 +76,7 @@ class Reader:
             self._fence.start()
 
     def close(self) -> None:
-        """End the process."""
+        """End the separate process."""
         self._fence.close()
 
 

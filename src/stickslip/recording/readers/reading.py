@@ -174,7 +174,8 @@ def _is_own_name(variable: FileVariable) -> bool:
 
 @contextmanager
 def named_file(path: Path) -> Iterator[None]:
-    """Add the file's name to every error; inner functions know only lines, samples and columns."""
+    """Turn every error in the block into a RecordingError with the file's name, because inner functions know
+    only lines, samples and columns."""
     try:
         yield
     except (ValueError, OSError) as error:  # includes QuantityError and GateError, and disk failures
@@ -195,7 +196,7 @@ def _shortened(quote: re.Match[str]) -> str:
 
 
 def _rate(sample_rate: float | str | None) -> float:
-    """Return the sample rate in Hz; 0 for a file with its own time."""
+    """Return the user's sample rate in Hz; 0 if there is none, because the file has its own time."""
     if sample_rate is None:
         return 0.0
     rate = to_si(sample_rate, "Hz", "sample_rate")

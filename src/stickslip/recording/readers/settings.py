@@ -37,7 +37,8 @@ _UNIT = re.compile(r"[\[(](?P<inside>[^\])]*)[\])]|_(?P<end>hz|khz|s|ms|us|ns)$"
 _VALUE = re.compile(r"(?:\w+\s*:\s*)?(?P<number>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s,;]*)")
 _RATE = re.compile(r"(?P<prefix>[kKMGm]?)(Sa?/s(ec)?|S/s|sps|SPS|samples?/s(ec)?)")
 _PLACES = re.compile(r"\W|_")
-_SECONDS = {"S": "s", "Sec": "s", "SEC": "s", "Time": "s"}  # no recording contains siemens
+# Spellings of the second; "S" would be siemens, which recordings do not contain.
+_SECONDS = {"S": "s", "Sec": "s", "SEC": "s", "Time": "s"}
 LONGEST_KEY = 200  # largest number of characters of a key; longer texts are not keys
 # Lines after which the samples start, in lower case and without blanks and signs.
 MARKS = frozenset(["data", "waveformdata", "begindata", "values", "samples", "endheader", "endofheader"])
@@ -67,7 +68,7 @@ class HeaderSettings(NamedTuple):
         """Return the units of the columns in order; a single unit is repeated for all `width` columns. The
         list is empty without units, and may be shorter or longer than `width`."""
         found = self._said("upward", width) or self.values.get("upward", []) or self.values.get("each", [])
-        if len(found) > width and not any(found[1::2]):  # LabVIEW: a blank beside each column of times
+        if len(found) > width and not any(found[1::2]):  # LabVIEW writes a blank beside each unit
             found = found[::2]
         return found * width if len(found) == 1 else found
 
@@ -118,7 +119,7 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Heade
         key, found = _key_and_values(line, fields)
         own = any(found)
         if key and not own and i + 1 < len(lines) and line.rstrip().endswith(":"):
-            found = list(split[i + 1])  # SignalExpress: "dt:", and the values in the next line
+            found = list(split[i + 1])  # SignalExpress writes "dt:" and the values in the next line
         if not key or not any(found):
             continue
         number = _NUMBERED.fullmatch(key)
@@ -134,7 +135,8 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Heade
         else:
             known = bool(role) and not is_number(found[0])
         if known:
-            end = next((k for k, one in enumerate(found) if is_number(one)), None)  # samples beside a unit
+            # Units end where numbers start, because an oscilloscope writes samples beside its settings.
+            end = next((k for k, one in enumerate(found) if is_number(one)), None)
             values.setdefault(role, found[:end] if role in ("across", "upward", "each") else _trimmed(found))
             used |= {i} if own else {i, i + 1}
             below |= set() if own else {i + 1}
@@ -145,7 +147,7 @@ def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
     """Return the key and the values in a line "key,value,value", "key,value,key,value" or "key: value,
     value"; "" and no values for other lines."""
     said = _ASSIGNED.fullmatch(line.strip().strip('"'))
-    if len(fields) == 1 and not said:  # above a single column
+    if len(fields) == 1 and not said:  # a file with one column has no delimiter by which to split
         fields = [part.strip() for part in re.split(r"[,;\t]", line)]
     if not said:
         again = [one for one in fields[2::2] if one]

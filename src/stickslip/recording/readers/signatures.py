@@ -118,8 +118,9 @@ _SHOWN = 8  # number of first bytes of an unknown file that a message shows
 
 
 def is_text(head: bytes) -> bool:
-    """Return True if the first bytes of a file are text, in an encoding that is read."""
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):  # UTF-16 has zero bytes
+    """Return True if the first bytes of a file are text: with the mark of UTF-16, or without zero bytes and
+    with few control characters."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):  # UTF-16 text has zero bytes
         return True
     controls = len(head) - len(head.translate(None, _CONTROLS))
     return b"\0" not in head and controls <= _MOST_CONTROLS * len(head)

@@ -23,7 +23,7 @@ Column = str | int | tuple[Any, ...]
 
 
 class Rows(NamedTuple):
-    """Samples to read: from `start` up to, but not including, `stop`."""
+    """Range of samples to read: from `start` up to, but not including, `stop`; None: to the end."""
 
     start: int = 0
     stop: int | None = None

@@ -98,7 +98,7 @@ def _iso(text: str, first_is_day: bool) -> str:
         raise ValueError(f"{text!r} is not a date")
     hours, minutes, whole = (int(found[name] or 0) for name in ("h", "min", "s"))
     part = found["f"] or found["mf"] or ""
-    if found["mf"] is not None:  # "05:07.250", minutes and seconds
+    if found["mf"] is not None:  # "05:07.250" is minutes and seconds, not hours and minutes
         hours, minutes, whole = 0, hours, minutes
     if found["half"]:
         hours = hours % 12 + (12 if found["half"] in "pP" else 0)

@@ -19,7 +19,7 @@ _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
 
 def read_tdms(path: Path) -> FileContent:
-    """Return the channels of a TDMS file, each with the clock in its properties.
+    """Return the channels of a TDMS file, each with the clock that its properties describe.
 
     Raises:
         RecordingError: npTDMS is not installed, or the file is damaged.

@@ -69,6 +69,7 @@ def _agree(one: np.ndarray, other: np.ndarray) -> bool:
     if one.size < 2:
         return True
     step, own = float(np.nanmedian(np.abs(np.diff(other)))), np.abs(np.diff(one))
-    coarse = float(own[own > 0.0].min(initial=np.inf)) if np.any(own == 0.0) else 0.0  # such as full seconds
+    # If times repeat, the clock has a coarse step, such as full seconds.
+    coarse = float(own[own > 0.0].min(initial=np.inf)) if np.any(own == 0.0) else 0.0
     apart = (one - one[0]) - (other - other[0])
     return bool(np.all(np.abs(apart) <= AGREE * step + coarse))

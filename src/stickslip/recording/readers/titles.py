@@ -16,8 +16,7 @@ from .source import FileChannel, is_clock
 _IN = re.compile(r"((?P<name>\S+( \S+)?) )?in (?P<unit>\S+)", re.IGNORECASE)
 _OVER_UNIT = re.compile(r"\s/\s(\S+)$")
 # Pattern of a name with a unit without brackets: "Zeit/ms" and "Time, s". Only some units count, because
-# "I/O"
-# and "max/min" are names.
+# "I/O" and "max/min" are names.
 _TIGHT = re.compile(
     r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
 )
@@ -35,7 +34,7 @@ def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str
     mark = COMMENT.match(line)
     line = line[mark.end() :] if mark else line
     fields = split(line, delimiter)
-    if mark:  # "%Time  %Position"
+    if mark:  # every name may have the comment sign: "%Time  %Position"
         fields = [field.lstrip(mark[1]) for field in fields]
     if count - blank <= len(fields) < count:
         return [*fields, *[""] * (count - len(fields))]
@@ -148,7 +147,7 @@ def _said_names(kinds: str, said: HeaderSettings) -> list[FileChannel] | None:
 
 
 def _marks(fields: Sequence[str]) -> bool:
-    """Return True if a line marks the start of the samples: "Waveform Data,"."""
+    """Return True if the fields of a line only mark the start of the samples, such as "Waveform Data,"."""
     return re.sub(r"\W|_", "", "".join(fields)).lower() in MARKS
 
 
@@ -241,7 +240,7 @@ def channel_of(header: str) -> FileChannel:
     if not name:
         tight = _TIGHT.fullmatch(header)
         if tight and is_unit(header) and not (tight["name"] == "t" or _of_one(tight["name"], header)):
-            tight = None  # "N/m"
+            tight = None  # the whole header is a unit, such as "N/m"
         return FileChannel(tight["name"], tight["unit"], header=header) if tight else FileChannel(header)
     if certain or is_unit_of(name, unit):
         return FileChannel(name, unit, header=header)

@@ -15,8 +15,7 @@ from .preview import LOOKED_AT, likely_unit
 from .selection import FileVariable, Selection
 
 # Largest plausible range (maximum minus minimum) of a channel of a stick-slip actuator by SI unit, and the
-# unit
-# that the numbers probably have if their range is larger.
+# unit that the numbers probably have if their range is larger.
 UNLIKELY = {
     "m": (0.2, "um or nm"),
     "V": (2e3, "mV"),
@@ -76,7 +75,8 @@ def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> 
         named = [] if clock is None else [(clock, group.time)]
         named += [(one, group.values[one.name]) for one in chosen.variables if one.name in group.values]
         for one, values in named:
-            known = one.unit or not _si(one) or one.column.stamp  # plain numbers and dates have no unit
+            # Plain numbers and dates need no unit.
+            known = one.unit or not _si(one) or one.column.stamp
             looked = values[:LOOKED_AT][np.isfinite(values[:LOOKED_AT])]
             if not known and looked.size:
                 unsaid.setdefault(one.name, (one, likely_unit(one.name, looked)))
