@@ -1,4 +1,4 @@
-"""Identification files: YAML files that describe what to read, fit and verify, and their reports."""
+"""Identification files (YAML), which describe what to read, fit and verify; their runners and reports."""
 
 from ..._lazy import attach
 

@@ -1,4 +1,4 @@
-"""Alignment of a recording with its drive: start of the drive, bias, scale of the reference."""
+"""Alignment of a recording with its drive: start of the drive, bias and drift of the position, its scale."""
 
 from __future__ import annotations
 
@@ -30,20 +30,23 @@ POSITION = "end_effector_position"
 AFTER = 0.05
 # Deviation of drive_voltage from its first sample that counts as the start, as a fraction of its range.
 BEGUN = 0.02
-# Smallest ratio of a drift's slope to its standard error, and of its total to the noise, for a correction.
+# A drift is subtracted if its slope exceeds this times its standard error, and the whole drift this times the
+# noise.
 SURELY = 5.0
-# Smallest allowed ratio of the ranges of channel and waveform, either way.
+# Smallest allowed ratio of the ranges (greatest minus least) of drive_voltage and waveform, either way.
 ALIKE = 0.5
 
 
 class Aligned(NamedTuple):
-    """A recording, its drive, its name, and its use in the words of the file.
+    """A recording that is aligned with its drive.
 
-    `recording` contains the position minus its mean before `begin` [s]. `noise` [m] is the standard deviation
-    there, NaN without samples before. `wanted` is the requested drive and `drive` the drive at the piezo,
-    both in the time of the recording; None if only the channel drive_voltage is known. The first part of the
-    drive ends at `forward` [s], None for a single part. `drift` was subtracted from the position, None
-    without. `taken` describes the drive that was recognised, if none was given.
+    `name` is its name, and `use` its use in the words of the file, such as "fit". The drive starts at `begin`
+    [s]. `recording` contains the position minus its mean before this start. `noise` [m] is the standard
+    deviation of the position before the start, NaN with fewer than three samples there. `wanted` is the
+    requested drive and `drive` the drive at the piezo, after the amplifier's slew rate; both are in the time
+    of the recording, and None if only the channel drive_voltage is known. The first part of the drive ends at
+    `forward` [s], None for a single part. `drift` was subtracted from the position, None if none was. `taken`
+    describes the drive that was recognised, "" if it was given.
     """
 
     name: str
@@ -68,11 +71,13 @@ def aligned(
 ) -> Aligned:
     """Align a recording with its drive, and subtract the bias: the mean position before the drive.
 
-    With a waveform, samples later than `AFTER` after its end are cut, and the time then starts at 0.
+    With a waveform, samples later than `AFTER` of its duration after its end are removed, and the time of the
+    result starts at 0.
 
     Args:
-        whole: with end_effector_position [m], and drive_voltage [V] unless drive and begin are given.
-        drive: the waveform, whose time 0 is its own start; None: the channel drive_voltage is the drive.
+        whole: recording with end_effector_position [m], and drive_voltage [V] unless drive and begin are
+            given.
+        drive: the waveform, in its own time from 0; None: the channel drive_voltage is the drive.
         name: name of the recording.
         slew_rate: slew rate of the amplifier, V/s.
         scale: factor by which the position is divided.
@@ -103,7 +108,7 @@ def aligned(
             except RecordingError:
                 _refuse_other_range(whole, drive, name)
                 raise
-        rest, drive = _after_rest(drive)  # an initial rest shows only bias and noise
+        rest, drive = _after_rest(drive)  # samples in an initial rest also serve for bias and noise
         begin += rest
         end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
         keep = time <= end
@@ -114,7 +119,7 @@ def aligned(
     recording = with_position(whole, position - bias).assign_attrs(title=name)
     if drive is None:
         return Aligned(name, recording, begin, noise, None, None)
-    # The time axis is shifted to start at zero, as a waveform does.
+    # The time is shifted to start at zero, because simulated drives start at zero.
     moved = recording.assign_coords(time=("time", time - time[0], recording["time"].attrs))
     begin -= float(time[0])
     length = float(time[-1] - time[0])
@@ -128,7 +133,11 @@ def aligned(
 def aligned_by_itself(
     whole: xr.Dataset, name: str, slew_rate: float = math.inf, scale: float = 1.0
 ) -> Aligned:
-    """Align a recording with the drive that it names or shows: see `aligned` and `taken_drive`."""
+    """Align a recording with the drive that its attributes name or its channel drive_voltage shows.
+
+    If no waveform is recognised, or it does not explain the channel, the samples of the channel are the
+    drive. The arguments are those of `aligned`.
+    """
     taken = taken_drive(whole, None if math.isinf(slew_rate) else slew_rate)
     if taken is None:
         return aligned(whole, None, name, slew_rate, scale)
@@ -137,27 +146,30 @@ def aligned_by_itself(
 
 
 def said_drives(walks: Iterable[Aligned]) -> list[str]:
-    """Describe the recognised drive of each walk for which none was given."""
+    """Return a text on the recognised drive of each walk for which no drive was given."""
     return [f"drive of {one.name}: {one.taken}" for one in walks if one.taken]
 
 
 def with_position(recording: xr.Dataset, position: np.ndarray) -> xr.Dataset:
-    """Return the recording with other values of its position, in the same unit."""
+    """Return the recording with other values of the position, in the same unit."""
     return recording.assign({POSITION: ("time", position, recording[POSITION].attrs)})
 
 
 def _at_piezo(drive: Waveform, slew_rate: float) -> Waveform:
-    """Return a drive after an amplifier with this slew rate [V/s]."""
+    """Return a drive after an amplifier with this slew rate [V/s]; an infinite rate changes nothing."""
     return drive if math.isinf(slew_rate) else Slewed(drive, slew_rate)
 
 
 def _before(time: np.ndarray, begin: float) -> np.ndarray:
-    """Return a mask of the samples that are safely before the start of the drive."""
+    """Return a mask of the samples that are more than two sampling intervals before `begin` [s]."""
     return time < begin - 2.0 * float(np.median(np.diff(time)))
 
 
 def on_level(one: Aligned, model: Actuator) -> Aligned:
-    """Shift the position to start at the model's equilibrium for the initial voltage, not at zero."""
+    """Return the recording with the position shifted to the model's equilibrium at the initial voltage.
+
+    A simulation starts in this equilibrium, while an aligned position starts at zero.
+    """
     if one.drive is None:
         level = model.gain * float(one.recording["drive_voltage"].values[0])
     else:
@@ -168,9 +180,11 @@ def on_level(one: Aligned, model: Actuator) -> Aligned:
 
 
 def without_drift(one: Aligned) -> Aligned:
-    """Subtract the slope of the position before the drive, if it is significant and large against the noise.
+    """Return the recording without a linear drift of its position, found before the start of the drive.
 
-    No actuator model explains such a drift; a fit would attribute it to friction.
+    The drift is subtracted from the whole recording if its slope is significant and the whole drift exceeds
+    the noise, both by the factor `SURELY`; otherwise the recording is unchanged. No actuator model explains
+    such a drift; a fit would attribute it to friction.
     """
     time, position = one.recording["time"].values, one.recording[POSITION].values
     before = _before(time, one.begin)
@@ -201,7 +215,7 @@ def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
 
 
 def _after_rest(drive: Waveform) -> tuple[float, Waveform]:
-    """Return the length of a drive's initial rest [s], and the rest of the drive."""
+    """Return the duration of a drive's initial rest [s], and the drive without it."""
     parts = drive.parts if isinstance(drive, Sequence) else ()
     resting = next((i for i, (part, _) in enumerate(parts) if not isinstance(part, Rest)), 0)
     if not resting:
@@ -210,7 +224,10 @@ def _after_rest(drive: Waveform) -> tuple[float, Waveform]:
 
 
 def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:
-    """Raise RecordingError if channel and waveform differ in range, which hides the start."""
+    """Raise RecordingError if the ranges of drive_voltage and waveform differ by more than `ALIKE` allows.
+
+    It is called after the start of the drive was not found, for which this is the probable cause.
+    """
     span = float(np.ptp(channel(whole, "drive_voltage", name, varies=True)))
     low, high = drive.range()
     if not ALIKE * (high - low) <= span <= (high - low) / ALIKE:

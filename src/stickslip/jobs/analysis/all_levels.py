@@ -1,4 +1,4 @@
-"""Part of a frequency analysis: one modal model for all levels, and its prediction of an unseen level."""
+"""Part of a frequency analysis: one modal model for all drive amplitudes (levels), and its predictions."""
 
 from __future__ import annotations
 
@@ -21,15 +21,19 @@ from .modes import Starts
 if TYPE_CHECKING:
     import xarray as xr
 
-# Parameters; a larger correlation matrix would be some megabytes that nobody reads.
+# Largest number of parameters for which results.json contains the correlation matrix; a larger matrix would
+# take megabytes.
 MOST_CORRELATED = 150
 
 Score = tuple[float, float]
 
 
 class LevelData(NamedTuple):
-    """A drive amplitude (level): its frequency response, and the drives and responses that are held out for
-    prediction."""
+    """Data of one drive amplitude (level).
+
+    `response` is its frequency response. `drive` and `steady` are the held-out drives, (samples, inputs,
+    realisations), and the measured responses to them, (samples, outputs, realisations).
+    """
 
     name: str
     response: xr.Dataset
@@ -38,7 +42,7 @@ class LevelData(NamedTuple):
 
 
 class OneModel(NamedTuple):
-    """Results of one modal model for all drive amplitudes: report section, numbers and doubts."""
+    """Results of one modal model for all drive amplitudes: summary sentence, report section, and numbers."""
 
     summary: str
     section: Section
@@ -46,13 +50,18 @@ class OneModel(NamedTuple):
 
 
 def score(predicted: NDArray[np.float64], steady: NDArray[np.float64]) -> Score:
-    """Return r² and rms error of a prediction, both arrays over all outputs and realisations."""
+    """Return r² and rms error of a prediction, over all samples, outputs and realisations.
+
+    Args:
+        predicted: predicted response, (samples, outputs, realisations); its mean over the samples is removed.
+        steady: measured response of the same shape, without its mean over the samples.
+    """
     residual = predicted - predicted.mean(axis=0) - steady
     return 1.0 - float(np.sum(residual**2) / np.sum(steady**2)), float(np.sqrt(np.mean(residual**2)))
 
 
 def numbers_of(fit: Fit) -> dict[str, Any]:
-    """Return the numbers of a fit for results.json."""
+    """Return the numbers of a modal fit for results.json, without a very large correlation matrix."""
     numbers = fit_numbers(fit, "m/V")
     if len(fit.parameters) > MOST_CORRELATED:
         del numbers["correlation"]
@@ -66,15 +75,16 @@ def one_model_section(
     sample_rate: float,
     progress: Progress,
 ) -> OneModel:
-    """Fit one modal model to all drive amplitudes (levels), and predict each inner level by a fit to all
-    others.
+    """Fit one modal model to all drive amplitudes (levels), and report its predictions.
+
+    Each level except the smallest and the largest is also predicted by a fit to all other levels.
 
     Args:
         levels: data of all levels.
-        own: prediction scores of the models of each level alone.
-        modes: initial values, at the middle level.
-        sample_rate: Hz.
-        progress: see `progress`.
+        own: scores of the models that were fitted to each level alone, see `score`.
+        modes: initial values of the modes, from the level of middle amplitude.
+        sample_rate: sample rate of drives and responses, Hz.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
     """
     inner = sorted(levels, key=lambda level: float(level.response["drive_rms"]))[1:-1]
     share = 1.0 / (1 + len(inner))

@@ -1,4 +1,4 @@
-"""Axis of a map or a grid in a file: values between two ends."""
+"""Axis of a map or of a grid in an input file: values between two ends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...quantities.units import QuantityError
 
 
 class AxisSpec(Strict):
-    """Values from `start` to `stop`, with equal differences, or equal ratios (`spacing: log`)."""
+    """Axis: `points` values from `start` to `stop`, with equal differences or ratios (`spacing: log`)."""
 
     start: float | str
     stop: float | str
@@ -20,7 +20,16 @@ class AxisSpec(Strict):
     spacing: Literal["linear", "log"] = "linear"
 
     def between(self, first: float, last: float, name: str, unit: str = "") -> list[float]:
-        """Return the values between these ends, in SI; raises QuantityError with name and unit."""
+        """Return the values of the axis, both ends included.
+
+        Args:
+            first, last: `start` and `stop` in SI.
+            name: name of the axis, for errors.
+            unit: SI unit, for errors.
+
+        Raises:
+            QuantityError: the spacing is "log", and an end is not positive.
+        """
         if self.spacing == "linear":
             return np.linspace(first, last, self.points).tolist()
         if not (first > 0.0 and last > 0.0):

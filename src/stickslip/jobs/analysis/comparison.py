@@ -1,4 +1,4 @@
-"""Analysis: comparison of models of walks, fitted alike and judged on walks that no fit has seen."""
+"""Analysis that compares models of walks: all are fitted alike and judged by walks that no fit has used."""
 
 from __future__ import annotations
 
@@ -45,14 +45,17 @@ class ComparisonAnalysis(WalkFile):
         return laws
 
     def check(self, folder: Path) -> list[Candidate]:
-        """Check the request before a recording is read; returns the laws."""
+        """Check the request before any recording is read; return the models to compare.
+
+        Raises InputFileError, ParameterSetError or QuantityError if a field is wrong.
+        """
         if {one.use for one in self.recordings} != {"fit", "verify"}:
             raise InputFileError("recordings: at least one with 'use: fit' and one with 'use: verify'")
         model = self.load_model(folder)
         return checked_laws(candidates_of(model), self.laws or True, model, folder, "laws")
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit all models and judge them."""
+        """Fit all models, predict the other walks with each, and return the report."""
         laws, model = self.check(folder), self.load_model(folder)
         parts = read_parts(self.recordings, folder)
         data: dict[str, list[Any]] = {"fit": [], "verify": []}
@@ -78,11 +81,14 @@ class ComparisonAnalysis(WalkFile):
 
 
 def candidates_of(model: Actuator) -> list[Candidate]:
-    """Return all models of a walk, with initial values from an actuator's friction."""
+    """Return all candidate models of a walk, with initial values from the friction of an actuator.
+
+    Values that its friction law does not have are typical ones.
+    """
     law = model.friction
     force = float(getattr(law, "coulomb_force", 1.0))
-    # Typical stiffnesses in N/m do not apply to rotation. A stage that jumps by 3 V has about this deflection
-    # (kang2007).
+    # Typical stiffnesses in N/m do not apply to rotation. Instead the contact is assumed to slip after the
+    # motion of the stage for 3 V, as in kang2007.
     jump = 3.0 * abs(model.gain)
     stiffness = float(getattr(law, "sigma_0", force / jump if model.rotary else 1e6))
     usual = 0.2 * math.sqrt(stiffness * model.end_effector_mass) if model.rotary else 30.0
@@ -97,7 +103,13 @@ def named(
     field: str = "model_choice",
     folder: Path = Path(),
 ) -> list[Candidate]:
-    """Return the candidates with these names (all for True or False), and a user's own laws.
+    """Return the candidates with the given names, and a user's own laws.
+
+    Args:
+        candidates: known candidates.
+        names: names of candidates, and a user's own laws; True or False for all candidates.
+        field: name of the field of the input file, for errors.
+        folder: folder of the input file.
 
     Raises:
         QuantityError: a name is unknown.
@@ -125,7 +137,11 @@ def checked_laws(
     folder: Path,
     field: str,
 ) -> list[Candidate]:
-    """Return the laws of `named`, after a check of the free parameters of each for a model.
+    """Return the candidates as `named` does, after a check that their parameters can be fitted.
+
+    Args:
+        candidates, names, field, folder: as for `named`.
+        model: actuator in which the laws are used.
 
     Raises:
         QuantityError: a name is unknown, or a parameter of a law cannot be free as requested.

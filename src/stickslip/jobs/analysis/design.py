@@ -1,6 +1,6 @@
-"""Analysis of a design file: step map, fastest drive, front of two goals, actuator search, plan.
+"""Analysis of a design file: step map, best drive, Pareto front, actuator search, experiment plan.
 
-An example::
+An example of a design file::
 
     kind: design
     title: What the stage can do
@@ -44,8 +44,10 @@ OF_FIT = "fit"
 
 
 class DesignAnalysis(Analysis, ModelOrFit):
-    """Request of a design file: its parts (map, optimise, front, actuator, plan), at least one of which is
-    required."""
+    """Content of a design file: its parts map, optimise, front, actuator and plan, at least one of them.
+
+    `uncertainty` is a file with draws or standard errors of the parameters, or "fit" for those of the fit.
+    """
 
     kind: Literal["design"] = "design"
     uncertainty: str | None = None
@@ -62,8 +64,11 @@ class DesignAnalysis(Analysis, ModelOrFit):
         return self
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Run all parts in turn and return the report. If one fails or is stopped, the results of the others
-        are kept."""
+        """Run all parts in turn and return the report.
+
+        If a part fails, the others are still run. If a part is stopped by Ctrl-C, the parts after it are not
+        begun. In both cases the error is raised if no part before it has a result.
+        """
         model = self.load_model(folder)
         draws, origin = self._draws(folder), origin_of(model, [])
         parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}

@@ -1,4 +1,4 @@
-"""Searches of a design file: the fastest drive, the front of two goals, the actuator itself."""
+"""Parts of a design file that search: for the best drive, a Pareto front of two goals, a better actuator."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ from .design_given import (
 )
 from .model import named_model
 
-# Rows of a table (the worst conditions) and points of a front in a report; results.json has all of them.
+# Largest numbers of rows of a table (of the worst conditions) and of points of a front in a report;
+# results.json has all of them.
 MOST_ROWS, MOST_POINTS = 30, 12
 STOPPED = "stopped before the end of the search: the best until then"
 
@@ -39,15 +40,19 @@ class OptimiseSpec(
 ):
     """Arguments of `optimise_waveform`.
 
-    A goal is "speed", "ripple", "backward_rate", "tip_load", "noise" or one with a number. `draws` are taken
-    from the file's `uncertainty`, if it has one.
+    `goal` is "speed", "ripple", "backward_rate", "tip_load", "noise", or a goal with a value such as
+    {step: 2 um}. `draws` is the number of draws from the file's `uncertainty`, if it has one. `limits` and
+    `generator` describe amplifier and converter.
     """
 
     goal: Goal | None = None
     generator: GeneratorSpec | None = None
 
     def made(self, given: Given) -> Document:
-        """Search, and return a report of the result; raise QuantityError for wrong values."""
+        """Search for the best drive; return a report, and files with the drive for a generator.
+
+        Raises QuantityError for wrong values.
+        """
         common = self.common(given)
         common["output"] = output_stage(self.limits, self.generator, given.folder)
         found = optimise_waveform(
@@ -68,7 +73,7 @@ class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "gen
     goals: list[Goal] = ["speed"]  # noqa: RUF012  # pydantic copies it
 
     def made(self, given: Given) -> Document:
-        """Search, and return a report of the result; raise QuantityError for wrong values."""
+        """Search for the front; return a report. Raises QuantityError for wrong values."""
         found = waveform_front(
             given.model,
             goals=tuple(goal_of(one, given.model) for one in self.goals),  # type: ignore[arg-type]
@@ -82,8 +87,8 @@ class ActuatorSearchSpec(
 ):
     """Arguments of `design.optimise_actuator`.
 
-    `free` are fields with their ranges. `models` are parameter sets by name; each is searched instead of the
-    model of the file.
+    `free` are the fields of the actuator that are varied, with their ranges. `models` are parameter sets by
+    a name of the user's; if given, the search starts from each of them instead of the model of the file.
     """
 
     goal: Goal | None = None
@@ -91,7 +96,7 @@ class ActuatorSearchSpec(
     models: dict[str, str] | None = None
 
     def made(self, given: Given) -> Document:
-        """Search, and return a report of the result; raise QuantityError for wrong values."""
+        """Search for the best actuator; return a report. Raises QuantityError for wrong values."""
         models = {name: named_model(given.folder, one) for name, one in (self.models or {}).items()}
         found = optimise_actuator(
             models or given.model,
@@ -104,14 +109,17 @@ class ActuatorSearchSpec(
 
 
 def _run_of(waveform: PeriodicKnots) -> str:
-    """Return the `waveform:` entry for a run of an experiment file."""
+    """Return the waveform as text for a run of an experiment file (its entry ``waveform:``)."""
     fields = {"times": [*waveform.times], "values": [*waveform.values], "period": waveform.period}
     made = {"waveform": [{"shape": "PeriodicKnots", "fields": fields}]}
     return "# For a run of an experiment file; s, V.\n" + yaml_text(made)
 
 
 def _csv(played: Any) -> str:
-    """Return one period of the generator's output as CSV."""
+    """Return one period of the generator's output as CSV text: times [s] and voltages [V].
+
+    `played` is the sampled waveform.
+    """
     text = io.StringIO()
     np.savetxt(
         text,

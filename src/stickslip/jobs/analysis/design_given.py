@@ -1,4 +1,4 @@
-"""Common fields of the parts of a design file: model, uncertainty, goals, limits, generator, conditions."""
+"""Fields that the parts of a design file have in common: goals, limits, generator, conditions, draws."""
 
 from __future__ import annotations
 
@@ -25,12 +25,16 @@ from .file import AnalysisError
 
 Quantity = float | str
 Array = NDArray[np.float64]
-# Draws from the intervals of a results.json; each part uses as many of them as it needs.
+# Number of draws from the standard errors in a results.json; each part of a design uses as many as it needs.
 DRAWS = 1000
 
 
 class Given(NamedTuple):
-    """Inputs of a part: model, draws of its parameters (None without uncertainty), the file's folder."""
+    """Inputs of each part of a design file.
+
+    `model` is the actuator, `uncertainty` has draws of its parameters by name (None without uncertainty),
+    `folder` is the folder of the file, and `progress` reports the progress of the part.
+    """
 
     model: Actuator
     uncertainty: dict[str, Array] | None
@@ -39,10 +43,11 @@ class Given(NamedTuple):
 
 
 class GoalSpec(Strict):
-    """A goal of a search, with exactly one number.
+    """A goal of a search that needs a value; exactly one of these fields.
 
-    The number is the direction of the speed (1 or -1), the required step [m], the capacitance for the current
-    [F], or the piezo stack for the heat.
+    `speed` is the direction in which the speed is maximised (1 or -1), `step` the required step per period
+    [m], `current` the capacitance of the piezo [F], whose peak current is minimised, and `heat` the piezo
+    stack, whose mean loss is minimised.
     """
 
     speed: Quantity | None = None
@@ -57,7 +62,7 @@ class GoalSpec(Strict):
         return self
 
     def goal(self) -> Any:
-        """Return the goal as a record of `design`; raise QuantityError for a wrong value."""
+        """Return the goal as a record of `design`, such as `Speed`; raise QuantityError for a wrong value."""
         if self.heat is not None:
             return Heat(self.heat)
         ((name, value),) = self.model_dump(exclude_unset=True).items()
@@ -69,7 +74,12 @@ Goal = GoalSpec | str
 
 
 def goal_of(given: Goal | None, model: Actuator) -> Any:
-    """Return a goal of a file as the searches take it; raise QuantityError for a wrong value."""
+    """Return a goal of a file as the searches take it; raise QuantityError for a wrong value.
+
+    Args:
+        given: a name such as "speed", a goal with a value, or None, which is returned unchanged.
+        model: the actuator, whose stage the goals "tip_load" and "noise" concern.
+    """
     if isinstance(given, GoalSpec):
         return given.goal()
     if given in ("tip_load", "noise"):
@@ -78,12 +88,15 @@ def goal_of(given: Goal | None, model: Actuator) -> Any:
 
 
 class OutputLimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitance")):
-    """Limits of an `OutputStage`, or the amplifier of a `bench` with its piezo as load."""
+    """Limits of an output stage: its `slew_rate`, or `current` and `capacitance`, or those of a `bench`.
+
+    With a `bench` they are those of its amplifier with its piezo as load.
+    """
 
     bench: str | None = None
 
     def output(self, folder: Path) -> OutputStage:
-        """Return the output stage with these limits; raise QuantityError for a wrong value."""
+        """Return an output stage with these limits; raise QuantityError for a wrong value."""
         if self.bench is None:
             return OutputStage(**self.given)
         if self.given:
@@ -93,12 +106,16 @@ class OutputLimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitan
 
 
 class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "interpolation")):
-    """Converter of an `OutputStage`, or the converter of a `bench` with a number of `points`."""
+    """Waveform generator (digital-to-analogue converter) of an output stage.
+
+    It has an `update_rate` and a number of `points` per period, or it is the converter of a `bench` with a
+    number of `points`.
+    """
 
     bench: str | None = None
 
     def onto(self, output: OutputStage, folder: Path) -> OutputStage:
-        """Return an output stage with this converter; raise QuantityError for a wrong value."""
+        """Return the given output stage with this converter added; raise QuantityError for a wrong value."""
         given = self.given
         if self.bench is None:
             if "update_rate" not in given:
@@ -118,13 +135,19 @@ class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "int
 def output_stage(
     limits: OutputLimitsSpec | None, generator: GeneratorSpec | None, folder: Path
 ) -> OutputStage:
-    """Return the output stage of limits and a generator; raise QuantityError for a wrong value."""
+    """Return the output stage with these limits and this generator; None leaves out either of them.
+
+    Raises QuantityError for a wrong value.
+    """
     output = OutputStage() if limits is None else limits.output(folder)
     return output if generator is None else generator.onto(output, folder)
 
 
 class ScenarioSpec(Strict):
-    """A condition: `change` sets fields of the actuator or its law, `factors` multiply their values."""
+    """A condition for which a drive must also work, such as a load.
+
+    `change` sets fields of the actuator or its friction law; `factors` multiplies their values.
+    """
 
     name: str = ""
     change: dict[str, Quantity] = Field(default_factory=dict)
@@ -154,7 +177,7 @@ class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "
 
 
 def draws_of_file(path: Path) -> dict[str, Array]:
-    """Return draws of an actuator's parameters, by name.
+    """Return draws of an actuator's parameters from a file, arrays [draws] in SI by name.
 
     They are the samples of a posterior (NetCDF), or `DRAWS` draws from the estimates of an identification or
     a campaign (results.json), log-normal for positive parameters and normal for others.

@@ -1,4 +1,4 @@
-"""Step map of a design file."""
+"""Part of a design file that computes a step map: net step over voltage, frequency and load."""
 
 from __future__ import annotations
 
@@ -20,17 +20,20 @@ if TYPE_CHECKING:
     import xarray as xr
 
 AXES = {"voltage": "V", "frequency": "Hz", "load": "N"}
-# Fields of the drive that each point of the map sets.
+# Fields of the drive that the map sets at each point, so that their values in the file do not matter.
 AT_EACH = ("amplitude", "frequency", "offset", "periods")
 
 
 class MapAxisSpec(AxisSpec):
-    """Axis of a step map."""
+    """Axis of a step map: voltage, frequency or load."""
 
     points: Annotated[int, Field(ge=2, le=100_000)]
 
     def values(self, unit: str, name: str) -> list[float]:
-        """Return the values of the axis in SI; raise QuantityError for a wrong unit."""
+        """Return the values of the axis in SI; raise QuantityError for a wrong unit.
+
+        `unit` is the SI unit of the axis, `name` its name for errors.
+        """
         first, last = (
             to_si(v, unit, f"{name}.{end}") for end, v in (("start", self.start), ("stop", self.stop))
         )
@@ -52,8 +55,8 @@ class MapSpec(
 ):
     """Arguments of `step_map`.
 
-    `drive` is written as in an experiment file; a sawtooth by default. `limits` and `generator` form its
-    `output`; without both the drive acts directly on the piezo.
+    `drive` is written as in an experiment file; a sawtooth by default. `limits` and `generator` describe
+    amplifier and converter; without both the drive acts directly on the piezo.
     """
 
     drive: PartSpec | None = None
@@ -64,7 +67,7 @@ class MapSpec(
     generator: GeneratorSpec | None = None
 
     def made(self, given: Given) -> Document:
-        """Compute the map, and return a report with its figure; raise QuantityError for wrong values."""
+        """Compute the map; return a report with its figure. Raises QuantityError for wrong values."""
         found = self._computed(given)
         return begun_by(view(found), f"Drive: {self._drive_words()}.")
 

@@ -1,4 +1,4 @@
-"""Experiment plan of a design file: the most informative recordings."""
+"""Part of a design file that plans an experiment: the most informative recordings."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ from .design_given import Given, Quantity
 class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_rate", "over", "seed")):
     """Arguments of `plan_experiment`.
 
-    `goal` is "all", a parameter, or a waveform whose step is to be predicted. `noise` is a standard
-    deviation, or a recording at rest. `channel` describes the position channel. With an `uncertainty` of the
-    file the plan is the best one for the worst case among its draws.
+    `goal` is what the recordings shall determine: "all" parameters, one parameter, or the step of a waveform.
+    `noise` is the standard deviation of the position, or a file with a recording at rest. `channel` describes
+    the position channel. `like` is an experiment file whose rig, channels and actuator the plan takes over.
+    With an `uncertainty` of the file the plan is the best one for the worst case among its draws.
     """
 
     free: list[str] = Field(min_length=1)
@@ -38,8 +39,10 @@ class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_r
     like: str | None = None
 
     def made(self, given: Given) -> Document:
-        """Plan the recordings, and return a report with an experiment file; raise QuantityError for wrong
-        values."""
+        """Plan the recordings; return a report with an experiment file.
+
+        Raises QuantityError for wrong values.
+        """
         goal: Any = drive_of([self.goal], {}, given.folder) if isinstance(self.goal, PartSpec) else self.goal
         plan = plan_experiment(
             given.model,
@@ -62,7 +65,7 @@ class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_r
         return self.noise
 
     def _files(self, plan: Plan, folder: Path) -> dict[str, str]:
-        """Return the experiment file, and the parameter set that it needs, if any."""
+        """Return the text of the experiment file of the plan, and of files that it needs, by file name."""
         with tempfile.TemporaryDirectory() as made:
             plan.save(Path(made) / "experiment.yaml", like=None if self.like is None else folder / self.like)
             return {one.name: one.read_text(encoding="utf-8") for one in sorted(Path(made).iterdir())}

@@ -1,4 +1,4 @@
-"""Common parts of identification files: sources of data."""
+"""Parts that identification files have in common: title, and the sources of data."""
 
 from __future__ import annotations
 
@@ -19,15 +19,17 @@ if TYPE_CHECKING:
     import xarray as xr
 
 AnalysisError = InputFileError
-# By parameter: bounds, or mean and standard deviation of a prior; in SI, or as texts with units.
+# Pairs of numbers by parameter: lower and upper bound, or mean and standard deviation of a prior; in SI, or
+# as texts with units.
 Pairs = Annotated[dict[str, tuple[float | str, float | str]], Field(default_factory=dict)]
-# Parts of one file with equal values of these fields are read together.
+# Fields that determine how a file is read. Recordings with equal values of all fields in OF_SOURCE are parts
+# of the same file, which is read once.
 _FORMAT = ("columns", "units", "clocks", "sample_rate", "reader", "rows", "missing", "missing_values")
 OF_SOURCE = {"dataset", "file", "calibration", "rename", "scale_uncertainty", *_FORMAT}
 
 
 class SourceFile(Strict):
-    """Source of data: a `file`, relative to the identification file, or a file of a published `dataset`."""
+    """Source of data: the path `file`, relative to the input file, or a file of a published `dataset`."""
 
     file: str
     dataset: str | None = None
@@ -36,7 +38,7 @@ class SourceFile(Strict):
         """Return the path of the file; a published file is downloaded if necessary.
 
         Raises:
-            RecordingError: see `stickslip.recording.datasets.dataset_path`.
+            RecordingError: the dataset is unknown, or its file cannot be downloaded.
         """
         return dataset_path(self.dataset, self.file) if self.dataset else folder / self.file
 
@@ -44,11 +46,12 @@ class SourceFile(Strict):
 class RecordingFile(SourceFile):
     """A recording in a file.
 
-    `columns`, `units`, `clocks`, `rows`, `missing` and `missing_values` are as for `read_recording`. `reader`
-    is the format if it cannot be recognised from the content, or a user's own reader, "my_reader.py:scope".
-    `calibration` names the calibrations of a variable, in order; `rename` gives its name afterwards. `start`
-    and `end` select a part. `scale_uncertainty` is the relative standard uncertainty of a variable's scale,
-    if its calibrations do not give it.
+    `columns`, `units`, `clocks`, `sample_rate`, `rows`, `missing` and `missing_values` are as for
+    `read_recording`. `reader` is the format if it cannot be recognised from the content, or a user's own
+    reader, "my_reader.py:scope". `calibration` lists the calibrations of each variable, in order; `rename`
+    gives new names of calibrated variables. `start` and `end` [s] select a part. `scale_uncertainty` is the
+    relative standard uncertainty of a variable's scale, if its calibrations do not give it. `use` is the
+    purpose of the recording; `name` is its name in tables and figures.
     """
 
     columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
@@ -69,11 +72,14 @@ class RecordingFile(SourceFile):
 
     @property
     def label(self) -> str:
-        """Return the name used in tables and figures."""
+        """Return the name of the recording in tables and figures, by default that of its file."""
         return self.name or Path(self.file).stem
 
     def read(self, folder: Path) -> xr.Dataset:
-        """Return the whole content of the file, calibrated; raises RecordingError and CalibrationError."""
+        """Return the whole content of the file, calibrated; raises RecordingError and CalibrationError.
+
+        `folder` is the folder of the input file.
+        """
         recording = self._calibrated(folder)
         for name, share in self.scale_uncertainty.items():
             if name not in recording:
@@ -108,7 +114,7 @@ class RecordingFile(SourceFile):
         return apply_calibration(recording, calibrations, self.rename)
 
     def cut(self, whole: xr.Dataset) -> xr.Dataset:
-        """Return the selected part; raises AnalysisError for fewer than two samples."""
+        """Return the part from `start` to `end`; raises AnalysisError if it has fewer than two samples."""
         part = whole.sel(time=slice(self.start, self.end))
         if part.sizes["time"] < 2:
             first, last = (float(whole["time"][i]) for i in (0, -1))
@@ -120,7 +126,9 @@ class RecordingFile(SourceFile):
 
 
 def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, xr.Dataset]:
-    """Return the recordings by label, in order; a file with several parts is read once.
+    """Return the recordings of an input file by label, in order, each cut to its part.
+
+    A file of which several recordings are parts is read once. `folder` is the folder of the input file.
 
     Raises:
         RecordingError: a file cannot be read.
@@ -141,7 +149,7 @@ def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, x
 
 
 class Analysis(Strict):
-    """First fields of every identification file."""
+    """Fields that every identification file has: title, keys of citations, and notes for the report."""
 
     title: str
     citation: list[str] = Field(default_factory=list)

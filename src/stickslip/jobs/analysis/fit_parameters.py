@@ -1,4 +1,4 @@
-"""Parameter set and summary from a results.json."""
+"""Conversion of a results.json of an identification to a parameter set, and its summary."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()
     Args:
         path: path of the results.json.
         title: title of the set.
-        source: origin of the values, stated for each.
+        source: origin of the values, which the set states for each.
         used: the user's own files, whose laws the results may name.
 
     Raises:
@@ -37,5 +37,5 @@ def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()
 
 
 def results_summary(path: Path) -> str:
-    """Return the summary of a results.json, a few sentences."""
+    """Return the summary of a results.json, a few sentences; "" if it has none."""
     return str(read_json(path).get("summary", ""))

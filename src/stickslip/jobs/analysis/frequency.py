@@ -1,6 +1,6 @@
-"""Analysis: modal models of a piezo mechanism from frequency responses.
+"""Analysis of frequency responses: modal models of a piezo mechanism, verified on other drives.
 
-One model per amplitude, optionally one for all amplitudes, verified on other drives.
+There is a model for each amplitude of the drive (level) and, if requested, one for all amplitudes.
 """
 
 from __future__ import annotations
@@ -37,14 +37,21 @@ _TWO_PI = 2.0 * np.pi
 
 
 class Arrays(Strict):
-    """Files of a drive and its response, arrays (samples of a period, channels, realisations, periods)."""
+    """Files of a periodic drive and of the response to it.
+
+    Both are NumPy arrays of the shape (samples of a period, channels, realisations, periods).
+    """
 
     drive: SourceFile
     response: SourceFile
 
 
 class Level(Arrays):
-    """One amplitude of the drive; `test` is used for verification instead of the held-out realisations."""
+    """Data of one amplitude of the drive (level).
+
+    `amplitude` is the rms drive, for figures. `test` are files for verification, used instead of the last
+    realisations of `drive` and `response`.
+    """
 
     name: str
     amplitude: float
@@ -55,13 +62,14 @@ class FrequencyAnalysis(Analysis):
     """Request to fit modal models to frequency responses.
 
     `modes` lists the models, each as a number of modes or as initial values: pairs of frequency [Hz] and
-    damping ratio. A number of modes is identified at the middle level; the other levels start from its
-    result. The last `held_out` realisations verify (one by default, if no level has files to `test`).
-    `output` counts from 1 and may be a list. Every `every`-th excited frequency is fitted, weighted by its
-    deviation or equally (`equal_weights`). `follow` are modes, counted from 1 in the last model, whose change
-    with the amplitude is shown. `one_model` fits the last model to all levels together, as `identify_levels`.
-    `time_domain` names levels that are also fitted in time. `tied` are poles of the last model that follow
-    from others, as for `identify_frequency`.
+    damping ratio. For a number, the modes are first identified at the level of middle amplitude; all levels
+    start from the result. `band` are the lowest and highest fitted frequency [Hz]. The last `held_out`
+    realisations of a level without files to `test` are not fitted, but predicted (one by default). `output`
+    counts from 1 and may be a list. Every `every`-th excited frequency is fitted, weighted by its deviation
+    or equally (`equal_weights`). `follow` are modes, counted from 1 in the last model, whose change with the
+    amplitude is shown. `one_model` fits the last model to all levels together, as `identify_levels`.
+    `time_domain` names levels that are also fitted in the time domain. `tied` are poles of the last model
+    that follow from others, as for `identify_frequency`.
     """
 
     kind: Literal["frequency_response"]
@@ -73,10 +81,10 @@ class FrequencyAnalysis(Analysis):
     every: Annotated[int, Field(ge=1)] = 1
     equal_weights: bool = False
     modes: Annotated[list[Modes], Field(min_length=1)]
-    follow: list[Annotated[int, Field(ge=1)]] = []  # noqa: RUF012  # pydantic copies it
+    follow: list[Annotated[int, Field(ge=1)]] = []  # noqa: RUF012  # pydantic copies the default
     one_model: bool = False
-    tied: dict[str, str] = {}  # noqa: RUF012  # pydantic copies it
-    time_domain: list[str] = []  # noqa: RUF012  # pydantic copies it
+    tied: dict[str, str] = {}  # noqa: RUF012  # pydantic copies the default
+    time_domain: list[str] = []  # noqa: RUF012  # pydantic copies the default
     levels: Annotated[list[Level], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -93,7 +101,7 @@ class FrequencyAnalysis(Analysis):
         return self
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Estimate, fit and verify at every level; return the report."""
+        """Estimate the frequency responses, fit and verify the models at every level; return the report."""
         share = 0.6 if self.one_model else 1.0
         read = [self._read(level, folder) for level in self.levels]
         progress("finding the modes", 0.0)
@@ -113,7 +121,7 @@ class FrequencyAnalysis(Analysis):
         )
 
     def _read(self, level: Level, folder: Path) -> _Data:
-        """Return the response of the fitted realisations, and the held-out data."""
+        """Return the frequency response of a level from its fitted realisations, and the held-out data."""
         drive, response = (_array(source, folder) for source in (level.drive, level.response))
         channels = [o - 1 for o in self.output]
         last = None if level.test else -(self.held_out or 1)
@@ -128,7 +136,7 @@ class FrequencyAnalysis(Analysis):
         if level.test:
             unseen = tuple(_array(source, folder) for source in (level.test.drive, level.test.response))
             _check_test(level.name, unseen, (drive.shape[1], response.shape[1]))
-        # The mean over the periods without the sensor's offset is the steady state of the model.
+        # The model's steady state is compared with the mean over periods, without the sensor's offset.
         tested, steady = (array.mean(axis=3) for array in unseen)
         steady = steady[:, channels] - steady[:, channels].mean(axis=0)
         weighted = measured
@@ -163,10 +171,10 @@ class _Data(NamedTuple):
     """Data of one drive amplitude (level), for the fit and for verification."""
 
     level: Level
-    measured: xr.Dataset
-    weighted: xr.Dataset  # with the weights of the fit
+    measured: xr.Dataset  # frequency response with its standard deviation
+    weighted: xr.Dataset  # the same with the deviations by which the fit is weighted
     drive: NDArray[np.float64]  # held-out drive: (samples, inputs, realisations)
-    steady: NDArray[np.float64]  # measured response to it: (samples, outputs, realisations)
+    steady: NDArray[np.float64]  # measured response to the held-out drive: (samples, outputs, realisations)
     first: tuple[NDArray[np.float64], NDArray[np.float64]]  # drive and response of the first realisation
 
 
@@ -174,7 +182,7 @@ class _Level(NamedTuple):
     level: Level
     data: _Data
     fits: list[Fit]
-    scores: list[tuple[float, float]]  # r² and rms error on the held-out data
+    scores: list[tuple[float, float]]  # r² and rms error [m] on the held-out data, by model
     in_time: Fit | None
 
 
@@ -192,7 +200,10 @@ def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
 
 
 def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tuple[int, int]) -> None:
-    """Raise AnalysisError unless the test files have the level's channels and equal lengths."""
+    """Raise AnalysisError unless drive and response in `test` have equal lengths and the right `channels`.
+
+    These are the numbers of inputs and outputs of the level.
+    """
     drive, response = (array.shape for array in test)
     if (drive[0], *drive[2:]) != (response[0], *response[2:]) or (drive[1], response[1]) != channels:
         raise AnalysisError(
@@ -202,7 +213,10 @@ def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tupl
 
 
 def _static_gain(fit: Fit) -> Number:
-    """Return the static gain, first output and input: sum of all gains and the remainder."""
+    """Return the static gain from the first input to the first output, m/V, with its 95 % interval.
+
+    It is the sum of the gains of all modes and of the remainder (faster modes).
+    """
     rest = next(p.name for p in fit.parameters if p.name.startswith("remainder"))
     names = [f"gain_{m}{rest.removeprefix('remainder')}" for m in range(1, len(fit.model.gain) + 1)] + [rest]
     value, error = fit.derived(lambda values: sum(values[name] for name in names))
@@ -272,7 +286,10 @@ def _document(analysis: FrequencyAnalysis, results: list[_Level], one: OneModel 
 
 
 def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, list[Number]]:
-    """Return the quantities shown over the amplitude, by level: static gain, frequencies, damping ratios."""
+    """Return the quantities that are shown over the amplitude, by name; each list has a number per level.
+
+    They are the static gain, and frequency and damping ratio of the modes to `follow`.
+    """
     followed: dict[str, list[Number]] = {"static gain": [_static_gain(r.fits[-1]) for r in results]}
     for m in analysis.follow:
         pairs = [_mode(r.fits[-1], m) for r in results]
@@ -283,7 +300,7 @@ def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, l
 
 
 def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> Section:
-    """Return the section on held-out predictions of each model, with the responses of the last one."""
+    """Return the section on predictions of held-out drives by each model, with a figure of the last model."""
     scores = [
         (r.level.name, f"{count(modes)}", *score)
         for r in results
@@ -322,7 +339,7 @@ def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> S
 def _amplitude_section(
     analysis: FrequencyAnalysis, results: list[_Level], followed: dict[str, list[Number]]
 ) -> Section:
-    """Return the section on the change with the amplitude."""
+    """Return the section on the change of the `followed` quantities with the amplitude."""
     return Section(
         "Change with the amplitude",
         tables=[
@@ -351,7 +368,7 @@ def _amplitude_section(
 
 
 def _in_time_section(analysis: FrequencyAnalysis, r: _Level, in_time: Fit) -> Section:
-    """Return the section that compares the modes of a level with a fit in time."""
+    """Return the section that compares the modes of a level with a fit in the time domain."""
     columns = ("frequency, by response", "damping, by response", "frequency, in time", "damping, in time")
     return Section(
         f"The same modes fitted in time, {r.level.name}",

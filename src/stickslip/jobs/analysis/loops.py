@@ -1,4 +1,4 @@
-"""Friction laws identified from friction loops under a prescribed motion, verified on other parts."""
+"""Analysis of friction loops: laws fitted to the force under a prescribed motion, verified on other parts."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ if TYPE_CHECKING:
 class LawSpec(Strict):
     """A friction law to fit.
 
-    Its name (or ``path.py:Name``, beside the file), initial values, free and tied parameters, and `priors`
-    (see `identify_loops`); `label` is its name in tables.
+    `law` is its name, or ``path.py:Name`` for a user's law in the folder of the input file. `fields` are
+    initial values, `free` the parameters to fit, with `bounds`; `tied` and `priors` are as for
+    `identify_loops`. `label` is the name of the law in tables.
     """
 
     law: str
@@ -47,7 +48,10 @@ class LawSpec(Strict):
     label: str = ""
 
     def candidate(self, folder: Path) -> Candidate:
-        """Return the law to fit, for a file in the folder; raises AnalysisError or QuantityError."""
+        """Return the law as a candidate for a fit; raises AnalysisError or QuantityError.
+
+        `folder` is the folder of the input file.
+        """
         try:
             law: Any = registry.laws.find(self.law, folder)
         except registry.RegistryError as error:
@@ -58,7 +62,8 @@ class LawSpec(Strict):
         return Candidate(label, made, tuple(self.free), dict(self.bounds), **own)
 
 
-# A law by its name, or with the user's own values. The discriminator keeps errors to the chosen kind.
+# A law given by its name, or by a record with the user's own values. The discriminator selects the kind, so
+# that an error message concerns this kind only; the texts name the kinds in messages.
 _NAME, _OWN = "a name", "of one's own"
 LawChoice = Annotated[
     Annotated[str, Tag(_NAME)] | Annotated[LawSpec, Tag(_OWN)],
@@ -69,10 +74,11 @@ LawChoice = Annotated[
 class LoopAnalysis(Analysis):
     """Request to fit friction laws to friction loops.
 
-    Recordings have position, friction_force and, with `reference_normal_force`, normal_force. `flip` turns
-    the sign of the force, for channels that show the force on the other body. `noise` is the standard
-    deviation of the force; priors are weighed against it. The report compares the best law with a fit without
-    its priors.
+    Recordings have the channels position, friction_force and, with `reference_normal_force` (the normal force
+    for which the laws' values hold), normal_force. `flip` changes the sign of the force, for channels that
+    show the force on the other body. `noise` is the standard deviation of the force, relative to which priors
+    are weighted. `marks` are values of r² that other authors reached, with a description of each; the ranking
+    shows them. The report compares the best law with a fit without its priors.
     """
 
     kind: Literal["friction_loops"]
@@ -84,7 +90,7 @@ class LoopAnalysis(Analysis):
     recordings: list[RecordingFile]
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit and verify every law; return a report of the one that predicts best."""
+        """Fit and verify every law; return a report with the ranking, and details of the best prediction."""
         parts = read_parts(self.recordings, folder)
         data = {
             use: [self._turned(parts[r.label]) for r in self.recordings if r.use == use]
@@ -134,7 +140,7 @@ class LoopAnalysis(Analysis):
 
 
 def _spans(parts: list[xr.Dataset]) -> str:
-    """Return the start and end of each part as text, to 1 % of the shortest part."""
+    """Return the start and end of each part as text, rounded to about 1 % of the shortest part."""
     ends = [(float(part["time"][0]), float(part["time"][-1])) for part in parts]
     decimals = math.ceil(2.0 - math.log10(min(end - start for start, end in ends)))
 
@@ -145,7 +151,13 @@ def _spans(parts: list[xr.Dataset]) -> str:
 
 
 def _prediction_pictures(best: str, found: Verification, unseen: xr.Dataset) -> tuple[Picture, Picture]:
-    """Plot the best law's prediction of an unseen recording over the position and over time."""
+    """Return figures of the best law's prediction of a recording, over the position and over time.
+
+    Args:
+        best: name of the law.
+        found: prediction of the recording.
+        unseen: the recording, which no fit has used.
+    """
     predicted = found.predictions[0]
     last = slice(-len(predicted["time"]) // 4, None)
     return (

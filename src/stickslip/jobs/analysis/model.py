@@ -1,4 +1,4 @@
-"""Fields of an input file that name a model: a parameter set or a fit, with changed fields."""
+"""Parts of an input file that name a model: a parameter set or a fit, and changes of its fields."""
 
 from __future__ import annotations
 
@@ -26,9 +26,13 @@ def named_model(folder: Path, name: str) -> Actuator:
 
 
 def with_changes(base: Actuator, change: Fields, friction: Mapping[str, float | str]) -> Actuator:
-    """Return the actuator with changed fields of its own and of its friction law.
+    """Return the actuator with some fields of the actuator and of its friction law changed.
 
-    Values have the units of the changed actuator.
+    Args:
+        base: the actuator.
+        change: new values of the actuator's fields by name, in SI or with units.
+        friction: new values of fields of its friction law by name, in SI or with units. If `change` makes the
+            actuator rotary, the units are those of a rotary one (N m, rad).
 
     Raises:
         QuantityError: a field does not exist, or its value is wrong.
@@ -45,14 +49,14 @@ def with_changes(base: Actuator, change: Fields, friction: Mapping[str, float | 
 
 
 class Changes(Strict):
-    """`change` and `friction` change fields of a model, and of its friction law."""
+    """Changes of a model: `change` sets fields of the actuator, `friction` fields of its friction law."""
 
     change: dict[str, float | str | bool] = Field(default_factory=dict)
     friction: dict[str, float | str] = Field(default_factory=dict)
 
 
 class NamedModel(Changes):
-    """Parameter set `model`, by name or as a file; `change` and `friction` change fields of it."""
+    """Model from the parameter set `model` (a name or a TOML file), with changed fields."""
 
     model: str
 
@@ -62,9 +66,9 @@ class NamedModel(Changes):
 
 
 class ModelOrFit(Changes):
-    """Model from `fit` or from the parameter set `model`; `change` and `friction` change fields of it.
+    """Model from `fit` or from the parameter set `model`; `change` and `friction` change its fields.
 
-    `fit` is a results.json of an identification or a fit of `save_fit`.
+    `fit` is the path of a results.json of an identification, or of a fit saved by `save_fit`.
     """
 
     fit: str | None = None
@@ -75,7 +79,11 @@ class ModelOrFit(Changes):
         return self.load_model_and_chain(folder)[0]
 
     def load_model_and_chain(self, folder: Path) -> tuple[Actuator, Chain]:
-        """Return the model and the signal chain of the position channel, as far as a results.json has it."""
+        """Return the model and the signal chain of the position channel.
+
+        Without a fit, or if its file contains no chain, the chain is the default one without delay. Errors
+        are as for `load_model`.
+        """
         if (self.fit is None) == (self.model is None):
             raise AnalysisError(
                 "there must be either 'model', a parameter set, or 'fit', a results.json or a saved fit"

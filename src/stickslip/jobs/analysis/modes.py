@@ -1,4 +1,4 @@
-"""Modes and outputs in identification files, with their checks."""
+"""Fields of a frequency-response file for vibration modes and outputs, with their checks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_MODES = 60
 
 
 def refused(why: str) -> PydanticCustomError:
-    """Return the error of a file whose parts contradict each other."""
+    """Return the error for a wrong value, or contradicting values, in a file; `why` is its message."""
     return PydanticCustomError("analysis", "{why}", {"why": why})
 
 
@@ -29,7 +29,10 @@ def _whole(value: Any, most: float) -> bool:
 
 
 def _modes(value: Any) -> int | Starts:
-    """Check a number of modes, or the initial values of each."""
+    """Return a checked number of modes, or the checked initial values of the modes, in SI.
+
+    Initial values are pairs of natural frequency [Hz] and damping ratio. Raises the error of `refused`.
+    """
     if _whole(value, MOST_MODES):
         return value
     pairs = value if isinstance(value, list | tuple) else []
@@ -50,7 +53,7 @@ def _modes(value: Any) -> int | Starts:
 
 
 def _outputs(value: Any) -> tuple[int, ...]:
-    """Check one output or several."""
+    """Return the checked numbers of one output or several, counted from 1; raises the error of `refused`."""
     given = value if isinstance(value, list | tuple) else [value]
     if not given or not all(_whole(o, np.inf) for o in given) or len(set(given)) < len(given):
         raise refused(f"{value!r} is no output, counted from 1, and no list of different ones")
@@ -64,10 +67,13 @@ Outputs = Annotated[tuple[int, ...], BeforeValidator(_outputs, json_schema_input
 
 
 def count(modes: int | Starts) -> int:
-    """Return the number of modes."""
+    """Return the number of modes, also if initial values are given."""
     return modes if isinstance(modes, int) else len(modes)
 
 
 def started(response: xr.Dataset, modes: int | Starts) -> Starts | ModalModel:
-    """Return initial values: the given ones, or the modes and delay identified from a response."""
+    """Return initial values of a modal fit: the given ones or, for a number, an identified model.
+
+    The model, with its modes and the delay, is identified from the response.
+    """
     return identify_frequency(response, modes).model if isinstance(modes, int) else modes

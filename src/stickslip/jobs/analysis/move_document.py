@@ -1,4 +1,4 @@
-"""Report of a move: its course, how it settled, and the loop."""
+"""Report of a move in closed loop: its course, its settling, and the tuning of the loop."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from .moving import MoveFile
 
 POSITION, DRIVE = "end_effector_position", "drive_voltage"
-RESOLVED = 3.0  # standard deviations of the noise; at rest the noise alone leaves smaller windows
-_BEFORE = 0.02  # s shown before the last scan of an approach
+RESOLVED = 3.0  # smallest resolved window, in standard deviations of the noise of the averaged position
+_BEFORE = 0.02  # time that the figure of the approach shows before the last scan phase starts, s
 
 
 def move_document(
@@ -39,7 +39,18 @@ def move_document(
     found: Settling,
     beliefs: Plausibility,
 ) -> Document:
-    """Report a run that was completed."""
+    """Return the report of a completed move or hold.
+
+    Args:
+        file: the move.
+        aim: target and tolerances.
+        plant: actuator on the rig.
+        tuning: tuning of the loop.
+        mover: controller after the run, with its history.
+        recording: recording of the run.
+        found: settling of the position.
+        beliefs: limits of the plausibility check of the sensor.
+    """
     there = mover.settled_at is not None
     took = Number(
         math.nan if mover.settled_at is None else mover.settled_at, "s", note="it did not come there"
@@ -136,7 +147,7 @@ def _course(file: MoveFile, aim: Aim, mover: Mover, recording: xr.Dataset, found
 
 
 def _said_steps(aim: Aim, recording: xr.Dataset, found: Settling) -> str:
-    """Return a sentence if the sensor does not resolve the windows; otherwise an empty text."""
+    """Return a sentence if noise or converter steps of the sensor hide the settling windows, otherwise ""."""
     hidden = [one for one in found.windows if one < RESOLVED * found.noise]
     if hidden:
         return (

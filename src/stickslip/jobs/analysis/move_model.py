@@ -1,4 +1,7 @@
-"""Target of a move, its model, and alternatives: from a fit, a posterior or a stated spread."""
+"""Target of a move, and alternative models for which its loop must be stable.
+
+The alternatives come from the intervals of a fit, a posterior, or a stated relative uncertainty.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,15 @@ from ...physics.piezo import Creep, PrandtlIshlinskii
 from ...quantities.units import QuantityError, with_prefix
 from ...simulation.varied import free_names, quantity_of
 
-MOST_DRAWS = 40  # draws for which the loop must keep its margins
+MOST_DRAWS = 40  # largest number of draws for which the loop must keep its stability margins
 
 
 class Aim(NamedTuple):
-    """Target and tolerances of a move in `unit`: m, or rad for rotary actuators."""
+    """Target and tolerances of a move in `unit`: m, or rad for rotary actuators.
+
+    `within` is the half width of the window around the target. `hold_within` is the largest allowed rms error
+    during the hold, None for no limit.
+    """
 
     unit: str
     target: float
@@ -34,7 +41,10 @@ class Aim(NamedTuple):
 
 
 def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:
-    """Return the inverse of the piezo at a rate [Hz]; None without hysteresis or without an inverse."""
+    """Return the inverse of the piezo model for a controller with an update rate [Hz].
+
+    It is None if the model has no hysteresis, or a hysteresis or creep without an inverse.
+    """
     piezo = model.piezo
     if piezo is None or not isinstance(piezo.hysteresis, PrandtlIshlinskii):
         return None
@@ -42,7 +52,11 @@ def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:
 
 
 def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
-    """Return the model with each field at both ends of its relative spread."""
+    """Return alternative models, two for each field: with the field at either end of its relative spread.
+
+    `spread` has the relative uncertainty by name of a field of the actuator or its friction law: 0.05 gives
+    0.95 and 1.05 times the value. Raises QuantityError for a wrong name or number.
+    """
     found = []
     for name, share in spread.items():
         if not 0.0 < share < 1.0:
@@ -56,7 +70,10 @@ def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
 
 
 def at_intervals(model: Actuator, results: Path) -> list[Actuator]:
-    """Return the model with each parameter at both ends of its interval in a results.json."""
+    """Return alternative models, two for each fitted parameter: at either end of its interval.
+
+    `results` is the path of a results.json. Raises QuantityError if an interval has no end.
+    """
     with damaged(QuantityError, f"{results}: no results of an identification"):
         return list(_at_intervals(model, results))
 
@@ -78,13 +95,16 @@ def _at_intervals(model: Actuator, results: Path) -> Iterator[Actuator]:
 
 
 def _allowed(model: Actuator, name: str, value: float) -> bool:
-    """Return True if the model, or its law, can have the value."""
+    """Return True if the parameter `name` of the model, or of its law, can have the value (in SI)."""
     quantity = quantity_of(model, None, name)
     return quantity is None or bool(quantity.allows(float(value)))
 
 
 def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:
-    """Return the model with at most `MOST_DRAWS` of the draws [n] by name, evenly selected."""
+    """Return models with the values of at most `MOST_DRAWS` draws, evenly selected.
+
+    `draws` has arrays [n] in SI by name of a parameter.
+    """
     columns = {name: np.asarray(one, dtype=float) for name, one in draws.items()}
     size = next(iter(columns.values())).size
     chosen = np.unique(np.linspace(0, size - 1, MOST_DRAWS).astype(int))
@@ -92,14 +112,14 @@ def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:
 
 
 def changed_in(model: Actuator, values: Mapping[str, float]) -> Actuator:
-    """Return the model with other values of fields of the actuator and of its law."""
+    """Return the model with other values, in SI, of fields of the actuator and of its friction law."""
     law = {name: value for name, value in values.items() if name in model.friction._fields}
     own = {name: value for name, value in values.items() if name not in law}
     return model.replace(friction=model.friction._replace(**law), **own)
 
 
 def _intervals(numbers: Any) -> Iterator[tuple[str, Any]]:
-    """Yield names and intervals of all parameters in results.json, at any depth."""
+    """Yield name and interval (lower and upper end) of all parameters in a results.json, at any depth."""
     for key, inner in numbers.items() if isinstance(numbers, dict) else ():
         if key == "parameters" and isinstance(inner, dict):
             for name, one in inner.items():

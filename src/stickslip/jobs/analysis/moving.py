@@ -1,4 +1,4 @@
-"""Moves and holds from a file: the loop is tuned on the model, closed on the rig, and reported.
+"""Moves to a target in closed loop, described by a file: tuning on a model, the move on a rig, the report.
 
 A file names the rig, the actuator on it, the input that shows the position, and the target::
 
@@ -73,15 +73,20 @@ class PositionSpec(Strict):
 
 
 class SlipSpec(fields_of(Slip)):
-    """Edge of the drive at which the contact slips; see `stickslip.control.Slip`.
+    """Fast edge of the drive at which the contact slips, with the fields of `stickslip.control.Slip`.
 
-    A `current` into the piezo of the bench determines its duration.
+    Instead of a duration, a `current` into the piezo of the bench may be given.
     """
 
     current: Quantity | None = None
 
     def slip(self, bench: Bench, walk: Stepping) -> Slip:
-        """Return the edge; raises AnalysisError if both a duration and a current are given."""
+        """Return the edge; raises AnalysisError if both a duration and a current are given.
+
+        Args:
+            bench: bench with the capacitance of the piezo.
+            walk: stepping motion with the height of the edge (amplitude).
+        """
         if self.current is None:
             return Slip(**self.given)
         if "duration" in self.given:
@@ -91,26 +96,26 @@ class SlipSpec(fields_of(Slip)):
 
 
 class SecondSpec(PositionSpec):
-    """Second input for the same position: a move stops if the two differ."""
+    """Second input that measures the same position: a move stops if both inputs differ too much."""
 
     input: str  # type: ignore[mutable-override]
 
 
 class PlausibilitySpec(fields_of(Plausibility)):
-    """Limits of the plausibility check of the sensor; see `stickslip.rig.Plausibility`."""
+    """Limits of the plausibility check of the sensor, with the fields of `stickslip.rig.Plausibility`."""
 
 
 class MoveFile(Analysis):
-    """Request for a move: target, rig, model and tolerances.
+    """Content of the file of a move: target, rig, model and tolerances.
 
-    `change` and `friction` of the actuator describe the plant on the rig. The loop is tuned on `model`, by
-    default the plant, or on `fit`, a results.json of an identification or a campaign. With a fit the loop
-    must keep its margins at both ends of each parameter's interval. It must also keep them for `draws` (of a
+    `actuator` is the actuator on the (virtual) rig. The loop is tuned on `model`, by default the same
+    actuator, or on `fit`, a results.json of an identification or a campaign. With a fit the loop must keep
+    its stability margins at both ends of each parameter's interval. It must also keep them for `draws` (of a
     saved fit or a posterior) and at both ends of each `spread`, the relative uncertainty of a field such as
-    ``natural_frequency: 5 %``. `within` is the window around the target, the `tolerance` of the `walk`.
-    `hold` is the time at the target [s], `at_most` the longest time of a move [s]. `hold_within` limits the
-    rms over the hold. `plausibility` overrides the limits that follow from the model
-    (`control.plausibility`).
+    ``natural_frequency: 5 %``. `within` is the half width of the window around the target. `hold` is the time
+    at the target [s], `at_most` the longest time of a move [s]. `hold_within` is the largest rms error during
+    the hold. `interval` is the sampling interval of the recording [s]. `plausibility` overrides the limits
+    that follow from the model (`control.plausibility`).
     """
 
     rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)
@@ -141,7 +146,10 @@ class MoveFile(Analysis):
         return value
 
     def aim(self, unit: str) -> Aim:
-        """Return the target in m or rad; raises AnalysisError for an infinite target or a wrong window."""
+        """Return target and tolerances in `unit` (m or rad).
+
+        Raises AnalysisError for an infinite target or a wrong window.
+        """
         within, rms = to_si(self.within, unit, "within"), optional_si(self.hold_within, unit, "hold_within")
         for name, value in (("within", within), ("hold_within", rms)):
             if value is not None and not 0.0 < value < math.inf:
@@ -153,9 +161,14 @@ class MoveFile(Analysis):
 
 
 def read_move(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> tuple[MoveFile, Path]:
-    """Read a file of a move or a hold, with changes as for `load_yaml`.
+    """Return the content of the file of a move or a hold, and the folder of its relative paths.
 
-    Returns the file and the folder of its relative paths; raises AnalysisError.
+    Args:
+        path: path of the file.
+        changes: changes to its content, as for `load_yaml`.
+
+    Raises:
+        AnalysisError: the file is invalid; the message names the file and the field.
     """
     content = load_yaml(path, changes)
     try:
@@ -167,17 +180,18 @@ def read_move(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> tupl
 def run_move(
     file: MoveFile, folder: Path, out: Path, progress: Progress, *, only_hold: bool = False
 ) -> Document:
-    """Move to the target and hold it.
+    """Tune the loop, move to the target and hold it; return the report.
 
-    The recording goes to move.nc, or hold.nc, in the folder `out`; the state machine with its regulator goes,
-    as C, to mover.h.
+    The recording is written to move.nc, or hold.nc, in the folder `out`. The controller (state machine and
+    regulator, without feedforward) is written as C code to mover.h.
 
     Args:
-        file: the move.
-        folder: the folder of the file.
-        out: created if missing; a run that ended early is in its subfolder unfinished/.
-        progress: see `stickslip.quantities.progress`.
-        only_hold: without steps: the target must be in the piezo's range.
+        file: content of the file of the move.
+        folder: folder of its relative paths.
+        out: folder of the results, created if missing; the recording of a run that ended early is in its
+            subfolder unfinished/.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
+        only_hold: True to hold without steps; the target must then be in the range of the piezo.
 
     Raises:
         AnalysisError, QuantityError: something in the file is wrong.
@@ -243,7 +257,13 @@ def run_move(
 
 
 def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, list[Actuator]]:
-    """Return the model, and alternatives for which the loop must keep its margins."""
+    """Return the model for the tuning, and alternative models for which the loop must keep its margins.
+
+    Args:
+        file: content of the file of the move.
+        plant: actuator on the rig, which is the model by default.
+        folder: folder of the relative paths in the file.
+    """
     if file.model is not None and file.fit is not None:
         raise AnalysisError("a move has 'model', a parameter set, or 'fit', a results.json, not both")
     if file.fit is not None:

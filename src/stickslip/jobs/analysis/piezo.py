@@ -1,4 +1,6 @@
-"""Hysteresis and creep of a piezo from recordings of voltage and displacement, verified on others."""
+"""Analysis of hysteresis and creep of a piezo: a fit to recordings of voltage and displacement, verified on
+others.
+"""
 
 from __future__ import annotations
 
@@ -45,8 +47,9 @@ class PiezoAnalysis(
 
     Recordings have drive_voltage and the channel `observed`. `operators`, `asymmetric`, `creep`,
     `time_constants`, `delay`, `lag` and `rest_voltage` are as for `identify_piezo`; missing ones are
-    determined from the recordings. `model` is a parameter set or a file whose gain and piezo are replaced by
-    the fit. `require` applies to the recordings with 'use: verify'.
+    determined from the recordings. `model` is a parameter set or a file whose gain and piezo model are
+    replaced by those of the fit. `require` are requirements, such as "rmse < 50 nm", on the prediction of the
+    recordings with 'use: verify'.
     """
 
     kind: Literal["piezo"]
@@ -55,8 +58,10 @@ class PiezoAnalysis(
     recordings: Annotated[list[RecordingFile], Field(min_length=1)]
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit, compare with a straight line, and predict the recordings that the fit has not used; return the
-        report."""
+        """Fit hysteresis and creep, predict the other recordings, and return the report.
+
+        A fit without hysteresis and creep (a straight line) is made for comparison.
+        """
         requirements = [Requirement.parse(text) for text in self.require]
         model = named_model(folder, self.model) if self.model else None
         parts = read_parts(self.recordings, folder)

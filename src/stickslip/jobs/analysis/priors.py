@@ -1,4 +1,4 @@
-"""Section of a report: effect of priors on a fit."""
+"""Report section and numbers on the effect of priors on a fit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from ...report import Column, Document, Number, Section, Table
 
 
 def with_priors(document: Document, found: Sequence[PriorInfluence]) -> Document:
-    """Add the effect of each prior to a report; the summary names priors that the recordings contradict."""
+    """Return a report with a section on the effect of each prior; unchanged if there are no priors.
+
+    A sentence on each prior is added to the summary; it says if the recordings contradict the prior.
+    """
     if not found:
         return document
     return replace(
@@ -23,12 +26,12 @@ def with_priors(document: Document, found: Sequence[PriorInfluence]) -> Document
 
 
 def priors_summary(found: Sequence[PriorInfluence]) -> str:
-    """Return the effects as sentences."""
+    """Return a sentence on the effect of each prior."""
     return " ".join(f"{one.sentence}." for one in found)
 
 
 def priors_section(found: Sequence[PriorInfluence]) -> Section:
-    """Return a table of fits without and with the priors."""
+    """Return a report section with a table of the estimates without and with the priors."""
     rows = [
         (
             one.parameter.name,
@@ -56,7 +59,7 @@ def priors_section(found: Sequence[PriorInfluence]) -> Section:
 
 
 def prior_numbers(found: Sequence[PriorInfluence]) -> dict[str, Any]:
-    """Return the effects for results.json, by parameter."""
+    """Return the effects of the priors for results.json, by parameter; see `PriorInfluence`."""
     return {
         one.parameter.name: {
             "prior": Number(one.prior[0], one.parameter.unit, standard_error=one.prior[1]),

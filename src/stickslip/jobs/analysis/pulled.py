@@ -1,6 +1,6 @@
-"""Analysis: a slider pulled through a spring.
+"""Analysis of a slider that is pulled through a spring at a constant speed.
 
-Friction is identified from one recording; stick-slip is predicted for the others.
+Friction is identified from one recording; the stick-slip motion in the other recordings is predicted.
 """
 
 from __future__ import annotations
@@ -34,12 +34,15 @@ if TYPE_CHECKING:
 
 
 class PulledRecording(RecordingFile, fields_of(PulledRig, "stiffness", "speed")):
-    """A recording of the spring force over the weight (`force_ratio`), with the settings of the pull."""
+    """A recording of spring force over the slider's weight (`force_ratio`), with stiffness and speed."""
 
 
 class PulledAnalysis(Analysis, arguments_of(identify_pulled_slider, "tied")):
-    """Request to fit the friction of a pulled slider. Exactly one recording is for the fit; `tied` as for
-    `identify_pulled_slider`."""
+    """Request to fit the friction of a pulled slider.
+
+    Exactly one recording has `use: fit`. `mass` is that of the slider, and `tied` is as for
+    `identify_pulled_slider`.
+    """
 
     kind: Literal["pulled_slider"]
     mass: Annotated[float, quantity("kg")]
@@ -121,7 +124,10 @@ class PulledAnalysis(Analysis, arguments_of(identify_pulled_slider, "tied")):
 
 
 class _Predicted(NamedTuple):
-    """A recording and its simulation: the events of both, and both traces of the force."""
+    """A recording and its simulation: the stick-slip events of both, and the recorded and simulated force.
+
+    `role` is "fitted" or "predicted".
+    """
 
     label: str
     role: str
@@ -136,13 +142,13 @@ class _Predicted(NamedTuple):
 
     @property
     def period_error(self) -> float:
-        """Error of the simulated period, %."""
+        """Error of the simulated mean period of the events, % of the measured one; NaN without events."""
         measured, model = self.periods
         return 100.0 * (model / measured - 1.0)
 
 
 def _coefficients(fit: Fit) -> tuple[float, float]:
-    """Return the static and dynamic friction coefficients."""
+    """Return the static and the dynamic friction coefficient of a fit."""
     dynamic = fit.values["dynamic_coefficient"]
     return dynamic + fit.values["stiction_excess"], dynamic
 
@@ -155,7 +161,10 @@ def _predicted(label: str, recording: xr.Dataset, rig: PulledRig, fit: Fit, fitt
 
 
 def _verified(unseen: list[_Predicted], right: int) -> str:
-    """Return a sentence on the predictions of the other conditions."""
+    """Return a sentence on the predictions of recordings that were not fitted; "" if there are none.
+
+    `right` is the number of them whose regime (such as stick-slip) was predicted rightly.
+    """
     errors = [abs(one.period_error) for one in unseen if np.isfinite(one.period_error)]
     said = f" The regime is predicted rightly for {right} of {len(unseen)} other conditions"
     if errors:

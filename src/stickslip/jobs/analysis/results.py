@@ -1,4 +1,4 @@
-"""Results that a command wrote: their JSON Schema, and the model of a fitted actuator in them."""
+"""Reading of results.json files: the model of a fitted actuator in them, and their JSON Schema."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .file import AnalysisError
 
 
 def model_and_chain(path: Path) -> tuple[Actuator, Chain]:
-    """Return the actuator of a results.json or of a saved fit, and the chain of its position channel.
+    """Return the actuator of a results.json or of a saved fit, and the signal chain of its position channel.
 
     Raises:
         AnalysisError: the file does not contain a fit with a model.
@@ -43,7 +43,7 @@ def model_and_chain(path: Path) -> tuple[Actuator, Chain]:
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of results.json, from the records that declare it."""
+    """Return the JSON Schema of results.json, made from the record types that write it."""
     schema = TypeAdapter(Results).json_schema()
     defined = schema["$defs"]
     numbers = {"$ref": "#/$defs/Numbers"}

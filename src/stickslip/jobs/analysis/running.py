@@ -44,9 +44,9 @@ _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
 def run_file(
     path: str | os.PathLike[str], progress: Progress = unheard, changes: Sequence[str] = ()
 ) -> Document:
-    """Fit and verify as described by an identification file.
+    """Fit and verify as an identification file describes; return the report.
 
-    Assumptions that had to be made about a recording are among the document's assumptions.
+    Assumptions that had to be made about a recording are among the assumptions of the report.
 
     Args:
         path: path of the file.
@@ -72,7 +72,15 @@ def run_file(
 
 
 def run_analysis(analysis: Any, folder: Path, progress: Progress = unheard) -> Document:
-    """Run the content of an identification file, see `run_file`; paths are relative to the folder."""
+    """Run an identification file whose content was read; return the report.
+
+    RecordingWarnings are issued once each, and are also among the assumptions of the report.
+
+    Args:
+        analysis: content of the file, such as a `WalkAnalysis`.
+        folder: folder of the relative paths in the file.
+        progress: called with the current activity and the finished fraction, from 0 to 1.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordingWarning)
         document = analysis.run(folder, progress)

@@ -1,6 +1,7 @@
-"""Step law of a motor from a file: bursts are made on a positioner, or read, and the law is fitted.
+"""Calibration of a stick-slip motor, described by a file: step size over voltage and direction (step law).
 
-A file names the controller, the bursts, and the sensor of the position::
+Bursts, which are groups of equal steps, are made on a positioner, or measured bursts are read; the step law
+is fitted to them. A file names the controller, the bursts, and the sensor of the position::
 
     title: Steps of the objective's stage
     positioner: {kind: mcs2, options: {host: 192.168.0.20}}
@@ -36,18 +37,23 @@ if TYPE_CHECKING:
 
 
 class PositionerSpec(Strict):
-    """A positioner: its kind (`stickslip rigs`) and its arguments."""
+    """A positioner: its `kind` (``stickslip rigs`` lists them) and the arguments of its class, `options`."""
 
     kind: str
     options: dict[str, Any] = Field(default_factory=dict)
 
     def made(self, folder: Path) -> Positioner:
-        """Return the connected positioner."""
+        """Return the positioner, connected; `folder` is the folder of a user's own positioner class."""
         return registry.positioners.find(self.kind, folder)(**self.options)
 
 
 class StepsFile(Strict):
-    """Request for a step calibration: positioner and bursts, or measured bursts, and the sensor."""
+    """Request for a step calibration.
+
+    It has a `positioner` with its `axis` and `bursts` (see `control.Bursts`), or a file of `measured` bursts
+    with the `frequency` of their steps. The position is measured by `sensor` on its axis `sensor_axis`, by
+    default by the positioner itself; `noise` is the standard deviation of a reading.
+    """
 
     title: str = "Steps of a motor"
     notes: str = ""
@@ -62,7 +68,10 @@ class StepsFile(Strict):
 
 
 def read_steps(path: str | os.PathLike[str]) -> tuple[StepsFile, Path]:
-    """Return a file of steps, and the folder of its relative paths; raises AnalysisError."""
+    """Return the content of the file of a step calibration, and the folder of its relative paths.
+
+    Raises AnalysisError if the file is invalid.
+    """
     content = load_yaml(path)
     try:
         return StepsFile.model_validate(content), Path(path).parent
@@ -71,9 +80,10 @@ def read_steps(path: str | os.PathLike[str]) -> tuple[StepsFile, Path]:
 
 
 def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dataset, StepLaw]:
-    """Make the bursts of steps, or read measured ones, and return them and the step law fitted to them.
+    """Make bursts of steps, or read measured ones, and fit the step law; return the bursts and the law.
 
-    The step law gives the step size over voltage and direction, see `control.StepLaw`.
+    A burst is a group of equal steps. The step law gives the step size over voltage and direction, see
+    `control.StepLaw`.
 
     Args:
         file: request for a step calibration.
@@ -101,10 +111,10 @@ def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dat
 
 
 def calibrate_steps(file: StepsFile, folder: Path, out: Path, progress: Progress) -> Document:
-    """Run the calibration and return its report.
+    """Run a step calibration as `run_steps` does, write its results, and return its report.
 
-    Writes steps.json (the law), bursts.csv, and where possible steps.csv (equal steps for a controller) into
-    `out`. Errors: see `run_steps`.
+    The files steps.json (step law), bursts.csv (measured bursts) and, if possible, steps.csv (table of equal
+    steps for a controller) are written into the folder `out`. The errors are those of `run_steps`.
     """
     bursts, law = run_steps(file, folder, progress)
     document = view(law, file.title)

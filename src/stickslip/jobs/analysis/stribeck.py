@@ -1,4 +1,4 @@
-"""Analysis: steady friction, fitted to points of velocity and force."""
+"""Analysis of steady friction: a Stribeck curve fitted to points of velocity and friction force."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .file import Analysis, SourceFile
 
 
 class PointsFile(SourceFile):
-    """A table of points; `columns` and `units` of velocity and force as for `read_points`."""
+    """A file with a table of points; `columns` and `units` of velocity and force are as for `read_points`."""
 
     columns: dict[str, str | int] = Field(default_factory=dict)
     units: dict[str, str] = Field(default_factory=dict)
@@ -31,8 +31,9 @@ class PointsFile(SourceFile):
 class StribeckAnalysis(Analysis):
     """Request to fit a Stribeck curve to points of velocity and force.
 
-    `deviation` is the standard deviation of each force. `exponent` is the Stribeck curve's, null to fit it.
-    `offset` is the force sensor's. `tied` is as for `identify_stribeck`.
+    `deviation` is the standard deviation of each force. `exponent` is the exponent of the Stribeck curve;
+    null means that it is fitted. `offset: true` also fits an offset of the force sensor. `tied` is as for
+    `identify_stribeck`.
     """
 
     kind: Literal["stribeck"]

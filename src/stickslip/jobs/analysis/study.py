@@ -1,6 +1,6 @@
-"""Study files: many members, as `stickslip study` runs them.
+"""Study files, which describe many simulations (members); ``stickslip study`` runs them.
 
-::
+An example::
 
     kind: study
     title: What the actuator can do
@@ -52,16 +52,24 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class GridAxisSpec(AxisSpec):
-    """Axis of a grid."""
+    """Axis of a study's grid: the values of one varied quantity."""
 
     def values(self, name: str, study: Any) -> list[float]:
-        """Return the values in SI, in the unit that the measure gives the name; raises QuantityError."""
+        """Return the values in SI.
+
+        Args:
+            name: name of the varied quantity.
+            study: measure of the study, which knows the unit of the quantity.
+
+        Raises:
+            QuantityError: name or unit is wrong.
+        """
         (first, last), _ = study.read(name, [self.start, self.stop])
         return self.between(first, last, f"grid.{name}")
 
 
 class RandomSpec(Strict):
-    """Random parameters of a study: the fields of `Random`."""
+    """Random quantities of a study, with the fields of `stickslip.study.Random`."""
 
     ranges: dict[str, Part[Range]]
     members: Count
@@ -70,10 +78,10 @@ class RandomSpec(Strict):
 
 
 class DrawsSpec(Strict):
-    """Draws of parameters.
+    """Draws of parameters, from a fit or from a table.
 
-    `members` draws of a `fit` (saved by `save_fit`), or all rows of a table, `file`: CSV with a line of
-    names, or NetCDF (samples of a posterior).
+    With `fit` (saved by `save_fit`) they are `members` random draws with the seed `seed`. With `file` they
+    are all rows of a table: CSV with a line of names, or NetCDF (samples of a posterior).
     """
 
     fit: str | None = None
@@ -82,7 +90,7 @@ class DrawsSpec(Strict):
     seed: Annotated[int, Field(ge=0)] = 0
 
     def part(self, folder: Path, model: Actuator) -> Draws:
-        """Return the draws; raises InputFileError, QuantityError, FitError."""
+        """Return the draws of the parameters of `model`; raises InputFileError, QuantityError, FitError."""
         if (self.fit is None) == (self.file is None):
             raise InputFileError("draws has either 'fit' or 'file'")
         if self.fit is not None:
@@ -121,8 +129,9 @@ class OwnSpec(Strict):
 class StudyFile(ModelOrFit):
     """Content of a study file.
 
-    `measure` is `steady`, `walk` or `own`. The points are all combinations of `grid`, `random` and `draws`.
-    `summary` is FILE.py:NAME; `keep` and `task` as for `Study`.
+    `drive` is written as in an experiment file. `measure` is the computation for each member. The members are
+    all combinations of `grid`, `random` and `draws`. `summary` is a user's function, FILE.py:NAME; `keep` and
+    `task` are as for `stickslip.study.Study`.
     """
 
     kind: Literal["study"]
@@ -138,7 +147,14 @@ class StudyFile(ModelOrFit):
     task: Count | None = None
 
     def study(self, folder: Path) -> Study:
-        """Return the study; raises InputFileError, QuantityError, RegistryError, ..."""
+        """Return the study that the file describes.
+
+        Args:
+            folder: folder of the relative paths in the file.
+
+        Raises:
+            InputFileError, QuantityError, RegistryError: a part of the file is wrong.
+        """
         model = self._model(folder)
         measure = self._measure(folder, model)
         points: list[Points] = []
@@ -205,7 +221,10 @@ def study_of_file(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> 
 
 
 def _table(path: Path) -> dict[str, Any]:
-    """Return the columns of a table by name."""
+    """Return the columns of a CSV or NetCDF file by name; raises InputFileError.
+
+    A column of a posterior's log probability is left out.
+    """
     try:
         if path.suffix == ".nc":
             found = netcdf_columns(path)

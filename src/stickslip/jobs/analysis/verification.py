@@ -1,4 +1,4 @@
-"""Analysis: verification of a fitted actuator on recordings of walks, with requirements."""
+"""Analysis that verifies a fitted actuator: it predicts recordings of walks and checks requirements."""
 
 from __future__ import annotations
 
@@ -40,8 +40,11 @@ _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_v
 
 
 class VerificationAnalysis(Analysis, ModelOrFit):
-    """Request to verify a fitted actuator on recordings of walks. `require`: conditions such as "r_squared >
-    0.99"."""
+    """Request to verify a fitted actuator on recordings of walks.
+
+    `delay` [s] is that of the position channel, if not 0; by default that of the fit. `require` are
+    requirements on the predictions, such as "r_squared > 0.99".
+    """
 
     kind: Literal["verification"] = "verification"
     delay: Seconds = 0.0
@@ -73,7 +76,13 @@ class VerificationAnalysis(Analysis, ModelOrFit):
     def _document(
         self, found: Verification, predictor: Predictor, parts: Mapping[str, xr.Dataset]
     ) -> Document:
-        """Return the view of the verification, with its requirements."""
+        """Return the report of the verification, with its requirements.
+
+        Args:
+            found: result of the verification.
+            predictor: model and signal chain that made the predictions.
+            parts: recordings by name.
+        """
         unmet = found.unmet([Requirement.parse(text) for text in self.require])
         made, count = view(found, self.title), len(self.require)
         origin = origin_of(predictor.model, parts.values())
@@ -107,7 +116,16 @@ class VerificationAnalysis(Analysis, ModelOrFit):
 def _verified(
     predictor: Predictor, chain: Chain, parts: Mapping[str, xr.Dataset], drives: Sequence[Waveform | None]
 ) -> Verification:
-    """Predict as the campaign that found the chain: with the same cut, bias, scale and drive at the piezo."""
+    """Predict recordings as in the campaign that found the chain; return the verification.
+
+    The recordings are cut, freed of their bias, scaled and aligned with their drives in the same way.
+
+    Args:
+        predictor: model and signal chain.
+        chain: signal chain of the position channel, with scale and slew rate of the campaign.
+        parts: recordings by name.
+        drives: drive of each recording; None: the recording names or shows it.
+    """
     found = []
     for (name, part), drive in zip(parts.items(), drives, strict=True):
         if drive is None:
@@ -132,11 +150,11 @@ def verification_analysis(
 
     Args:
         path: a verification file, a results.json, or a fit of `save_fit`.
-        recordings: for the last two, the files to predict; their drive is the channel drive_voltage.
-        require: further requirements.
-        columns, units: of these files, "NAME=COLUMN" and "NAME=UNIT"; missing ones are guessed by
-            `inspect_file`,
-            and the report says so.
+        recordings: files to predict, if `path` is no verification file; their drive is the channel
+            drive_voltage.
+        require: further requirements, such as "r_squared > 0.99".
+        columns, units: columns and units of these files, "NAME=COLUMN" and "NAME=UNIT"; missing ones are
+            guessed by `inspect_file`, and the report says so.
         changes: changes to a verification file, as for `load_yaml`.
 
     Raises:
@@ -152,7 +170,7 @@ def verification_analysis(
             raise AnalysisError(
                 f"{path}: name the recordings to predict: stickslip verify {path.name} my.csv"
             )
-        # First: a file without a model of a walk needs no columns.
+        # Read before the recordings, so that a file without a model is reported before missing columns are.
         model_and_chain(path)
         named, said = _pairs("--column", columns), _pairs("--unit", units)
         entries = [_entry(Path(file), named, said) for file in recordings]
@@ -186,7 +204,7 @@ def verification_analysis(
 def _check_limits(where: str, require: Sequence[str]) -> None:
     """Raise AnalysisError if a requirement cannot be parsed, before any recording is read.
 
-    `where` names the requirements in the message.
+    `where` is the place of the requirements, for the message.
     """
     for text in require:
         try:
@@ -204,7 +222,12 @@ def _pairs(option: str, given: Sequence[str]) -> dict[str, str]:
 
 
 def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tuple[dict[str, Any], str]:
-    """Return the entry of a recording in a verification file, and a note on what was guessed.
+    """Return the entry of a recording for a verification file, and a note on guesses ("" without any).
+
+    Args:
+        file: path of the recording.
+        named: columns that the user has named, by name of the channel.
+        units: units that the user has named, by name of the channel.
 
     Raises:
         AnalysisError: a required column is neither named nor found; the message names the option.

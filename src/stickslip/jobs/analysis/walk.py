@@ -1,4 +1,4 @@
-"""Analysis: parameters of an actuator, friction above all, from recordings of walks, verified on others."""
+"""Analysis of walks: parameters of an actuator, mainly of its friction, fitted and verified on recordings."""
 
 from __future__ import annotations
 
@@ -38,23 +38,23 @@ DriveSpec = Annotated[
 
 
 class WalkRecording(RecordingFile):
-    """A recording with end_effector_position.
+    """A recording of a walk, with the channel end_effector_position.
 
-    Its drive is given as in an experiment file, as one part or several parts in turn, or is its channel
-    drive_voltage.
+    `drive` is the drive as in an experiment file: one part, or a list of parts that follow each other.
+    Without it, the channel drive_voltage is the drive.
     """
 
     drive: DriveSpec | None = None
 
     def waveform(self, folder: Path) -> Waveform | None:
-        """Return the drive; raises QuantityError for wrong fields."""
+        """Return the drive, None for the channel drive_voltage; raises QuantityError for wrong fields."""
         if self.drive is None:
             return None
         return drive_of(self.drive if isinstance(self.drive, list) else [self.drive], {}, folder)
 
 
 class WalkFile(Analysis, NamedModel):
-    """Walks of an actuator, and the model at which a fit starts."""
+    """Recordings of walks of an actuator, and the model with the initial values of a fit."""
 
     recordings: list[WalkRecording]
 
@@ -62,13 +62,14 @@ class WalkFile(Analysis, NamedModel):
 class WalkAnalysis(
     WalkFile, arguments_of(identify_friction, "tied", "starts", "hops", "tolerance", noise=float | str)
 ):
-    """Request to fit an actuator to walks.
+    """Request to fit parameters of an actuator to walks.
 
-    `tied`, `starts`, `hops`, `tolerance` (of the simulations) and `priors` (mean and standard deviation),
-    which are weighed against `noise`, are as for `identify_friction`; `noise` and `tolerance` are in the unit
-    of the position. The report compares the fit with one without priors. `by` names an attribute of the
-    recordings (voltage, temperature, ...); the recordings of each of its values are also fitted alone.
-    `judgement` has thresholds of the statements on the fit.
+    `free` are the parameters to fit. `bounds`, `tied`, `starts`, `hops`, `tolerance` (of the simulations) and
+    `priors` (mean and standard deviation) are as for `identify_friction`. Priors are weighted relative to
+    `noise`, the standard deviation of the position; `noise` and `tolerance` are in the unit of the position.
+    The report compares the fit with one without priors. `by` names an attribute of the recordings (voltage,
+    temperature, ...); the recordings of each of its values are also fitted alone. `judgement` has the
+    thresholds for the statements on the fit.
     """
 
     kind: Literal["walk"]
@@ -79,7 +80,10 @@ class WalkAnalysis(
     judgement: Part[Judgement] | None = None
 
     def check(self, folder: Path) -> Actuator:
-        """Check the request before a recording is read; return the initial model."""
+        """Check the request before any recording is read; return the initial model.
+
+        Raises AnalysisError, ParameterSetError or QuantityError if a field is wrong.
+        """
         model = self.load_model(folder)
         asked: dict[str, Any] = {"bounds": self.bounds, "priors": self.priors, "tied": self.tied}
         check_asked(model, self.free, noise=self.noise, **asked)
@@ -88,7 +92,7 @@ class WalkAnalysis(
         return model
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit and verify; return the report."""
+        """Fit the recordings with `use: fit`, predict the others, and return the report."""
         model = self.check(folder)
         parts = read_parts(self.recordings, folder)
         data = {r.label: (r, parts[r.label], r.waveform(folder)) for r in self.recordings}

@@ -1,4 +1,4 @@
-"""Entries of recordings in a new file, with columns and units."""
+"""Text of the entries of recordings in a new input file, with columns, units and drives."""
 
 from __future__ import annotations
 
@@ -19,20 +19,24 @@ MOVED, DRIVE = "end_effector_position", "drive_voltage"
 
 
 class Inspected(NamedTuple):
-    """A recording, its inspection, and its recognised drive."""
+    """Inspection of a recording's file, and the drive recognised in the recording (None if none was)."""
 
     found: Inspection
     taken: TakenDrive | None
 
     @property
     def drive(self) -> Drive | None:
-        """Return the recording's waveform if one line of a file can describe it, else None."""
+        """Return the recording's waveform if a file can describe it by shape and fields, else None."""
         waveform: Any = None if self.taken is None else self.taken.waveform
         return waveform if isinstance(waveform, Drive) else None
 
     @property
     def waveform(self) -> str:
-        """Entry of the drive in a campaign."""
+        """Line on the drive in the recording's entry of a campaign file.
+
+        It is the key `waveform`, a comment if no waveform describes the drive completely, or "" if no drive
+        was recognised.
+        """
         if self.taken is None:
             return ""
         if self.drive is None or not self.taken.whole:
@@ -48,7 +52,7 @@ def looked_at(file: Path) -> Inspected:
 
 
 def angles(seen: list[Inspected]) -> bool:
-    """Return True if the positions are angles."""
+    """Return True if the position in any of the recordings is an angle (in rad)."""
     recordings: list[Any] = [one.found.recording for one in seen]
     return any(one[MOVED].attrs.get("units") == "rad" for one in recordings if MOVED in one)
 
@@ -56,7 +60,14 @@ def angles(seen: list[Inspected]) -> bool:
 def entry_of(
     one: Inspected, folder: Path, use: str, needed: Sequence[str] = (MOVED, DRIVE)
 ) -> tuple[list[str], list[str]]:
-    """Return the entry of a recording in a file, and what is missing in it."""
+    """Return the entry of a recording in an input file, as lines, and sentences on what is missing in it.
+
+    Args:
+        one: the recording.
+        folder: folder of the input file, to which the recording's path is relative.
+        use: use of the recording, such as "fit".
+        needed: names of the channels that the analysis needs; a missing one is named in the sentences.
+    """
     found = one.found
     where = Path(os.path.relpath(found.path.resolve(), folder.resolve())).as_posix()
     lines = [f"file: {json.dumps(where, ensure_ascii=False)}", f"use: {use}"]

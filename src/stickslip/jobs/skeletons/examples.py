@@ -1,4 +1,4 @@
-"""Simulated recordings to try a skeleton with, labelled as simulated, for users without recordings."""
+"""Simulated recordings for users without recordings, with which a new input file runs at once."""
 
 from __future__ import annotations
 
@@ -13,19 +13,27 @@ from ...waveform.periodic import Sawtooth
 from ...waveform.sequence import Sequence
 from ...waveform.shapes import Rest, Step
 
-REST, NOISE = 0.1, 20e-9  # s before the drive starts, m rms
-_WALKS, _STEP = {65.0: 4e3, 75.0: 4e3}, 60.0  # V, and samples per second
+REST, NOISE = 0.1, 20e-9  # time before the drive starts, s; rms noise of the position, m
+# Amplitudes of the walks, V, with their sample rates, Hz; amplitude of the clamped step, V.
+_WALKS, _STEP = {65.0: 4e3, 75.0: 4e3}, 60.0
 
 
 def example_files(beside: Path, step: bool) -> list[Path]:
-    """Return the paths of the examples: two walks, and first a clamped step if `step`."""
+    """Return the paths of the example recordings: a clamped step if `step`, then two walks.
+
+    `beside` is the path of the new input file; the examples lie in its folder, and their names start with its
+    name.
+    """
     names = [f"walk-{volts:g}V" for volts in _WALKS]
     names = [f"step-{_STEP:g}V", *names] if step else names
     return [beside.with_name(f"{beside.stem}-example-{name}.csv") for name in names]
 
 
 def write_examples(beside: Path, step: bool) -> list[Path]:
-    """Simulate and write the examples, which must not exist yet."""
+    """Simulate and write the example recordings of `example_files`; return their paths.
+
+    Existing files would be replaced; the caller must check that there are none.
+    """
     files = example_files(beside, step)
     noise = np.random.default_rng(2007)
     hidden = load_actuator("kang2007")

@@ -1,4 +1,4 @@
-"""Identifications from recordings without a walk: friction loops of a tribometer, a piezo with its stage."""
+"""Fields of new identification files for recordings without a walk: friction loops, or a piezo."""
 
 from __future__ import annotations
 
@@ -13,14 +13,18 @@ from .entries import DRIVE, MOVED, Inspected, entry_of, listed, shown_value
 WALK, LOOPS, PIEZO = "identification", "friction_loops", "piezo"
 STAGE = ("stage_position", "piezo_elongation")
 _CONTACT = ("position", "friction_force")
-# Fitted fraction of a single recording; fraction of the stroke over which a contact may yield.
+# _FITTED: fraction of a single recording that is fitted; the rest is predicted. _YIELDS: fraction of the
+# stroke over which the contact is assumed to stick, for the initial stiffness.
 _FITTED, _YIELDS = 0.6, 0.03
 
 Array = NDArray[np.float64]
 
 
 def measured_kind(seen: list[Inspected]) -> str:
-    """Return the kind of fit that recordings allow; a walk if channels are missing."""
+    """Return the kind of fit that the channels of recordings allow: `LOOPS`, `PIEZO` or `WALK`.
+
+    It is `WALK` also if channels are missing, so that the new file names the missing ones.
+    """
     channels = [set(map(str, one.found.recording)) for one in seen]  # type: ignore[arg-type]
     if all(DRIVE not in one and one.issuperset(_CONTACT) for one in channels):
         return LOOPS
@@ -30,13 +34,16 @@ def measured_kind(seen: list[Inspected]) -> str:
 
 
 def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
-    """Return the fields of a new file for friction loops: entries of the recordings (a single one is split in
-    two), and initial values of the laws."""
+    """Return the fields of the template for friction loops, and an empty list of missing data.
+
+    The fields contain the entries of the recordings (a single recording is split into two parts), and initial
+    values of the laws, estimated from the first recording.
+    """
     recording: Any = seen[0].found.recording
     position, friction = (recording[name].values for name in _CONTACT)
     force = 0.5 * float(np.ptp(friction)) or 1.0
     stiffness = force / (_YIELDS * float(np.ptp(position)) or 1.0)
-    turns = recording["position"].attrs["units"] == "rad"  # the file then has no units: N m, N m/rad
+    turns = recording["position"].attrs["units"] == "rad"  # values without units are in SI: N m, N m/rad
     units = ("", "") if turns else ("N", "N/m")
     values = {"force": force, "half": 0.5 * force}, {"stiffness": stiffness, "stiffer": 1.5 * stiffness}
     starts = {
@@ -54,7 +61,10 @@ def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str
 
 
 def piezo(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
-    """Return the entries of the recordings, and the channel that shows the stage."""
+    """Return the fields of the template for a piezo, and an empty list of missing data.
+
+    The fields contain the entries of the recordings, and the channel that shows the displacement.
+    """
     return {"observed": _observed(seen), "recordings": "\n".join(_fitted_first(seen, folder))}, []
 
 
@@ -63,19 +73,22 @@ def _observed(seen: list[Inspected]) -> str:
 
 
 def _fitted_first(seen: list[Inspected], folder: Path) -> list[str]:
-    """Return entries: the first recording is fitted, the others are predicted."""
+    """Return the entries of recordings as texts: the first one is to be fitted, the others predicted."""
     return [listed(entry_of(one, folder, "verify" if i else "fit", ())[0]) for i, one in enumerate(seen)]
 
 
 def _halves(one: Inspected, folder: Path) -> list[str]:
-    """Return two entries of a recording: its first part is fitted, its last part is predicted."""
+    """Return two entries of a recording as texts: its first part is to be fitted, its last part predicted."""
     at = _round_between(one.found.recording["time"].values)  # type: ignore[index]
     parts = {"fit": f"name: first part, end: {at:.9g} s", "verify": f"name: last part, start: {at:.9g} s"}
     return [listed([*said.split(", "), *entry_of(one, folder, use, ())[0]]) for use, said in parts.items()]
 
 
 def _round_between(time: Array) -> float:
-    """Return the roundest time near the end of the fitted part."""
+    """Return the time with the fewest digits near the end of the fitted part, s.
+
+    `time` are the times of the recording; the result differs from the end by at most 5 % of its length.
+    """
     length = float(time[-1] - time[0])
     at = float(time[0]) + _FITTED * length
     roundings = (float(f"{at:.{digits}g}") for digits in range(1, 9))
@@ -83,8 +96,10 @@ def _round_between(time: Array) -> float:
 
 
 def _against(position: Array, friction: Array) -> bool:
-    """Return True if the force [N] does negative work along the position [m]. It is then the force on the
-    other body, and its sign is wrong."""
+    """Return True if the friction force [N] does negative work along the position [m].
+
+    It is then the force on the other body, and its sign must be changed.
+    """
     force = friction - np.mean(friction)
     return float(np.sum(np.diff(position) * (force[1:] + force[:-1]))) < 0.0
 

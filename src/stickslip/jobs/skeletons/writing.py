@@ -1,4 +1,4 @@
-"""New files from templates, filled in with data of the user's recordings."""
+"""New input files from templates, filled in with data from the user's recordings."""
 
 from __future__ import annotations
 
@@ -20,14 +20,18 @@ from .examples import example_files, write_examples
 from .measured import LOOPS, PIEZO, STAGE, WALK, loops, measured_kind, piezo
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_TICK = 50e-6  # s, update interval of the virtual rig's bench
-_STROKE = 0.1057e-6  # m/V, gain of the set from which the other initial values are taken
+_TICK = 50e-6  # update interval of the virtual rig's bench, s; sampling intervals are multiples of it
+_STROKE = 0.1057e-6  # gain of the parameter set kang2007, whose values the other initial values follow, m/V
 _IN_PROPORTION = "the friction that is found is in proportion to it"
-MOST_RUN = 10.0  # s, longest part of a recording that an experiment repeats
+MOST_RUN = 10.0  # largest length of a run in a new experiment file, s, even if the recording is longer
 
 
 class _Kind(NamedTuple):
-    """Kind of file: usual name, template, whether recordings are needed, command that runs it."""
+    """Kind of a new file.
+
+    `file` is its usual name, `template` the file that it is made from, `recorded` is True if it needs
+    recordings, and `command` is the command that runs it, with {} for its name.
+    """
 
     file: str
     template: str
@@ -56,7 +60,11 @@ KINDS = {
 
 
 class New(NamedTuple):
-    """Written files (the main one first), the command that runs it, and what is still missing."""
+    """Result of `new_file`.
+
+    `files` are the written files: the new file, then example recordings. `command` runs the new file.
+    `missing` are sentences on what the user must still add.
+    """
 
     files: tuple[Path, ...]
     command: str
@@ -66,13 +74,16 @@ class New(NamedTuple):
 def new_file(
     kind: str, recordings: Sequence[str | os.PathLike[str]] = (), out: str | os.PathLike[str] | None = None
 ) -> New:
-    """Write a skeleton with comments, which runs as it is.
+    """Write a new input file with comments, which runs without changes if nothing is missing.
 
     Args:
         kind: one of `KINDS`.
-        recordings: the user's files, as for `inspect_file`: columns, units and drives are filled in. Without
-            recordings, simulated ones are written beside a campaign or an identification.
-        out: the file; by default the usual name in the current folder.
+        recordings: the user's files, as for `inspect_file`, whose columns, units and drives are filled in.
+            Without recordings, simulated ones are written beside a campaign or an identification.
+        out: path of the new file; by default the usual name in the current folder.
+
+    Returns:
+        The written files, the command that runs the new file, and what is missing.
 
     Raises:
         QuantityError: there is no such kind, or it takes no recordings.
@@ -109,14 +120,20 @@ def new_file(
         with replaced_whole(target) as temporary:
             temporary.write_text(text.substitute(name=target.name, **fields), encoding="utf-8")
     except BaseException:
-        for file in examples:  # else they would block the next try
+        for file in examples:  # existing examples would make the next call fail
             file.unlink(missing_ok=True)
         raise
     return New((target, *examples), known.command.format(target), tuple(missing))
 
 
 def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[str, str], list[str]]:
-    """Return the recordings and the gain of a campaign, or of an identification."""
+    """Return the fields of the template of a campaign or an identification, and sentences on missing data.
+
+    Args:
+        seen: the recordings.
+        folder: folder of the new file.
+        steps: True for a campaign, which has clamped steps and waveforms in its entries.
+    """
     lines, missing, fitted = [], [], False
     for one in seen:
         step = steps and isinstance(one.drive, Step) and len(seen) > 1
@@ -135,7 +152,12 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
 
 
 def _sliding(gain: float | None, source: str) -> dict[str, str]:
-    """Return the initial values of a fit for a linear actuator."""
+    """Return the template's fields with initial values of a fit for a linear actuator.
+
+    Args:
+        gain: measured gain, m/V; None: unknown.
+        source: origin of the gain, or the reason why it is unknown.
+    """
     known = f"  gain: {shown_value(gain, 'm/V')} # {source}" if gain else ""
     return {
         "gain": known or f"  # gain: 0.1 um/V # {source or 'stroke of the piezo per volt'}",
@@ -149,9 +171,14 @@ def _sliding(gain: float | None, source: str) -> dict[str, str]:
 
 
 def _turning(gain: float | None, source: str) -> dict[str, str]:
-    """Return the initial values of a fit for a rotary actuator.
+    """Return the template's fields with initial values of a fit for a rotary actuator.
 
-    They are the linear ones at the radius at which the linear stage would turn by the measured angle.
+    They are the linear values, converted with the radius at which the stroke of the linear stage would give
+    the measured angle (10 mm, if the gain is unknown).
+
+    Args:
+        gain: measured gain, rad/V; None: unknown.
+        source: origin of the gain, or the reason why it is unknown.
     """
     radius = float(f"{_STROKE / gain:.2g}") if gain else 10e-3
     inertia = f"{0.1 * radius**2:.3g} kg m^2 # "
@@ -173,10 +200,11 @@ def _turning(gain: float | None, source: str) -> dict[str, str]:
 
 
 def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
-    """Return the gain and its source; None and the remedy if the position falls with rising voltage.
+    """Return the gain of the piezo [m/V or rad/V] and its source, as text.
 
     The gain is displacement over voltage, from a recording of the stage or of a step with the end-effector
-    clamped.
+    clamped. If the position falls with rising voltage, the gain is None and the text is the remedy. If no
+    recording shows the gain, the result is None and "".
     """
     for one in seen:
         recording: Any = one.found.recording
@@ -209,7 +237,10 @@ def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
 
 
 def _voltages(seen: list[Inspected]) -> tuple[float, float, str]:
-    """Return the range of the drives, rounded outwards to 10 V, and its source."""
+    """Return the least and greatest voltage of the drives, rounded outwards to 10 V, and the source as text.
+
+    Without drives they are 0 V, 100 V and "". An excess of up to 1 % of the range, such as noise, is ignored.
+    """
     recordings: list[Any] = [one.found.recording for one in seen]
     drives = [one["drive_voltage"].values for one in recordings if "drive_voltage" in one]
     if not drives:

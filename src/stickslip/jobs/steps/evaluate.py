@@ -1,4 +1,4 @@
-"""Steps that evaluate: verify, compare, design."""
+"""Steps of a job that evaluate models: verify, compare, design."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step that exports a model as code."""
+"""Step of a job that exports a model as C code or as an FMU."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from .evaluate import NO_MODEL
 
 
 class ExportSpec(Strict):
-    """A model as C99 or as an FMU.
+    """Request to export a model as C99 or as an FMU.
 
-    The model is the result of the last identification, or the parameter set `model`. `bench` adds the
-    amplifier of a bench before it.
+    The model is the result of the job's last identification, or the parameter set `model`. `bench` names a
+    bench whose amplifier is put before the model. `step` is the integration step. `fmi` (version), `mode` and
+    `compiler` are for an FMU.
     """
 
     format: Literal["c", "fmu"] = "c"

@@ -1,4 +1,4 @@
-"""Step that identifies a model: a campaign, or an analysis of some kind."""
+"""Step of a job that identifies a model: a campaign, or an identification file of another kind."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Analysis = Annotated[
     Field(discriminator="kind"),
 ]
 _ANALYSIS: TypeAdapter[Any] = TypeAdapter(Analysis)
-_TELLING = ("steps", "runs", "kind")  # keys of other kinds of files, which a campaign does not have
+_TELLING = ("steps", "runs", "kind")  # keys that show that a file is no campaign
 
 
 def _read(content: dict[str, Any]) -> Any:

@@ -1,4 +1,4 @@
-"""Step that calibrates the steps of a motor."""
+"""Step of a job that calibrates a stick-slip motor: its step size over voltage and direction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step that moves a stage."""
+"""Step of a job that moves an actuator to a target in closed loop and holds it there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step that records an experiment."""
+"""Step of a job that records an experiment on a rig."""
 
 from __future__ import annotations
 
