@@ -1,4 +1,5 @@
-/* Plays a table of straight lines, one step at a time; afterwards it stays at the last value. */
+/* Player of a waveform table of straight lines, one time step at a time. After the last repeat it keeps the last
+ * value. */
 #ifndef STICKSLIP_PLAYER_H
 #define STICKSLIP_PLAYER_H
 
@@ -13,13 +14,14 @@ typedef struct {
 typedef struct {
     const stickslip_line *lines;
     int count;
-    long repeats; /* of the whole table */
-    int line;     /* where it is now */
+    long repeats; /* number of times that the whole table is played */
+    int line;     /* present position: index of the line, step in this line, repeat of the table */
     long step;
     long repeat;
 } stickslip_player;
 
-/* The value at both ends of the next step. Returns whether the table still goes on. */
+/* Give the values at the start and the end of the next time step. Returns false if the table has ended before this
+ * step. */
 static inline bool stickslip_play(stickslip_player *player, real_t *begin, real_t *end)
 {
     const stickslip_line *line = &player->lines[player->line];
