@@ -1,11 +1,13 @@
-/* The model in fixed steps; see stickslip.h. Its equations and its integrator are the engine's (stickslip_follow.h). */
+/* Implementation of stickslip.h: the model in fixed time steps. stickslip_follow.h has its equations of motion and calls
+ * the engine's integrator. */
 #include "stickslip_follow.h"
 
 enum { SUBSTEPS_AT_REST = 60 };
 
-static const double LIMIT = 1e6; /* of an input without limits of its own */
-/* Of the deflection at which the contact breaks away: by less no input jumps. The ends of lines that join are apart by
- * their rounding, some 1e-6 of it; and a static stage that jumps by less is off by less than a nanometre for a step. */
+static const double LIMIT = 1e6; /* largest absolute value of an input without limits of its own */
+/* Smallest change of the input between two steps that counts as a jump, as a fraction of the contact's breakaway
+ * deflection. Joined lines differ by rounding, about 1e-6 of this deflection; a static stage that jumps by less than the
+ * limit has an error below a nanometre for one step. */
 static const double LEAST_JUMP = 1e-4;
 
 /* ---- The law ---------------------------------------------------------------------------------------------- */
@@ -15,7 +17,8 @@ typedef struct {
     real_t force, dz;
 } contact_rate;
 
-/* Force and rate of an element of the contact. */
+/* Return the friction force (N) of element i of the contact, and the rate of its deflection (m/s), at the sliding
+ * velocity v and the deflection z. */
 static contact_rate rate_of(const stickslip_plant *plant, int i, real_t v, real_t z)
 {
     contact_rate made;
@@ -23,13 +26,13 @@ static contact_rate rate_of(const stickslip_plant *plant, int i, real_t v, real_
     return made;
 }
 
-/* A deflection inside the law's bounds. */
+/* Return the deflection z of element i, limited to the bounds of the law if it has any. */
 static real_t projected(const stickslip_plant *plant, int i, real_t z)
 {
     return (STICKSLIP_LAW.project != NULL) ? STICKSLIP_LAW.project(plant->contact[i], z) : z;
 }
 
-/* The deflection, towards one side, at which sliding slowly ends it. */
+/* Return the absolute deflection of element i in slow steady sliding towards one side (1 or -1), m. */
 static real_t farthest(const stickslip_plant *plant, int i, real_t side)
 {
     real_t low = R(0.0), high = R(1.0);
@@ -45,7 +48,7 @@ static real_t farthest(const stickslip_plant *plant, int i, real_t side)
 }
 #endif
 
-/* What the contact holds, N, and how stiff it is, N/m. */
+/* Compute the largest friction force of the contact at rest, N, and its stiffness, N/m. */
 static void measure_contact(stickslip_plant *made)
 {
     made->stiffness = made->holding = R(0.0);
@@ -60,8 +63,8 @@ static void measure_contact(stickslip_plant *made)
 #endif
 }
 
-/* What the contact holds of a constant force at rest, N, with its deflections in the state: equal ones, each at
- * most where sliding ends it. */
+/* Return the part of the constant external force that the contact carries at rest, N, and store the deflections in the
+ * state. All elements have the same deflection, but none more than in slow sliding. */
 static real_t held_at_rest(const stickslip_plant *plant, stickslip_state *state)
 {
     const real_t wanted = -plant->mechanism.slider_acceleration / plant->mechanism.mobility;
@@ -98,7 +101,8 @@ static real_t held_at_rest(const stickslip_plant *plant, stickslip_state *state)
 
 #if STICKSLIP_PIEZO
 #if STICKSLIP_TWO_PORT
-/* What the stops take from an input with the stage at a place, V; moves them from where they were. */
+/* Return the voltage that the stops of the piezo take from an input, V, with the stage at a position; store their new
+ * states in `moved`. */
 static real_t after_stops(
     const stickslip_plant *plant, const stickslip_state *state, stickslip_state *moved, real_t input, real_t stage)
 {
@@ -117,8 +121,8 @@ static real_t after_stops(
     return sum;
 }
 
-/* Put them and the stage where they are at rest under an input that came from 0 V, by bisection: each stop follows
- * until its width. The stage is where it would be without them. */
+/* Set the stops and the stage to rest at an input that was reached from 0 V, by bisection: each stop follows up to its
+ * width. At the call the stage must be at the position that it has without the stops. */
 static void settle_stops(const stickslip_plant *plant, stickslip_state *state, real_t input)
 {
     const real_t given = plant->mechanism.stage_drive / plant->mechanism.stage_stiffness;
@@ -138,7 +142,7 @@ static void settle_stops(const stickslip_plant *plant, stickslip_state *state, r
 }
 #endif
 
-/* What the piezo's hysteresis gives at an input, V; moves its states. */
+/* Return the output of the piezo's hysteresis at an input, V; store its new states in `moved`. */
 static real_t after_hysteresis(
     const stickslip_plant *plant, const stickslip_state *state, stickslip_state *moved, real_t before, real_t input)
 {
@@ -158,7 +162,7 @@ static real_t after_hysteresis(
 #endif
 }
 
-/* What has crept, V. */
+/* Return the output of creep in a state, V. */
 static real_t crept(const stickslip_plant *plant, const stickslip_state *state)
 {
     real_t sum = R(0.0);
@@ -172,8 +176,8 @@ static real_t crept(const stickslip_plant *plant, const stickslip_state *state)
     return sum;
 }
 
-#if !STICKSLIP_TWO_PORT /* whose stops move with the stage */
-/* The ends of a step behind hysteresis and creep; moves their states. */
+#if !STICKSLIP_TWO_PORT /* the stops of a two-port depend on the stage, so the integrator moves them */
+/* Replace the input at both ends of a step by the outputs of hysteresis and creep, V, and update their states. */
 static void through_piezo(const stickslip_plant *plant, stickslip_state *state, real_t *begin, real_t *end)
 {
     const real_t from = after_hysteresis(plant, state, state, state->input, *begin);
@@ -192,7 +196,7 @@ static void through_piezo(const stickslip_plant *plant, stickslip_state *state, 
 
 /* ---- Public ----------------------------------------------------------------------------------------------- */
 
-/* Whether all numbers of the plant are finite. */
+/* Return true if all numbers of the plant are finite. */
 static bool is_finite(const stickslip_plant *plant)
 {
     const struct plant *P = &plant->engine;
@@ -263,7 +267,7 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
     return NULL;
 }
 
-/* Cut an input to its limits, or keep the last one. */
+/* Limit an input to its limits, or replace it by the previous one if it is not finite. Returns bits. */
 static int admitted(const stickslip_plant *plant, real_t last, real_t low, real_t high, real_t *input)
 {
     (void)plant;
@@ -278,7 +282,8 @@ static int admitted(const stickslip_plant *plant, real_t last, real_t low, real_
     return STICKSLIP_OK;
 }
 
-/* The input at which the actuator comes to have a voltage; kept, where that is not finite. */
+/* Compute the input at which the actuator settles to a voltage; it is unchanged if the voltage is not finite. Returns
+ * bits. */
 static int input_for(const stickslip_plant *plant, real_t volts, real_t *input)
 {
     const int bits = admitted(plant, R(0.0), plant->low, plant->high, &volts);
@@ -305,7 +310,7 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
 #endif
     (void)admitted(plant, r_min(r_max(R(0.0), plant->low), plant->high), plant->low, plant->high, &input);
     state->input = input;
-#if STICKSLIP_PIEZO /* reached from 0 V, long ago */
+#if STICKSLIP_PIEZO /* the input was reached from 0 V, so long ago that creep has ended */
 #if !STICKSLIP_TWO_PORT
     input = after_hysteresis(plant, state, state, R(0.0), input);
 #endif
@@ -350,13 +355,14 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
 }
 
 #if STICKSLIP_LATE
-/* The end-effector as a channel sees it that is late, after a step over which it went by `change`. Its positions are
- * kept at even times, whatever the steps are; it goes in lines between them, and from the newest of them to now. */
+/* Return the end-effector position of a delayed channel after a step in which the position changed by `change`, m. Past
+ * positions are stored at equal intervals, whatever the time steps are, and interpolated linearly, also from the newest
+ * of them to the present one. */
 static real_t seen_late(const stickslip_plant *plant, stickslip_state *state, real_t change)
 {
     const real_t spacing = (real_t)STICKSLIP_LATE_SPACING, delay = plant->chain.sensor.delay;
     const real_t now = state->end_effector_position;
-    real_t age = r_min(state->age + plant->h, spacing * R(STICKSLIP_LATE)); /* a longer step fills them all */
+    real_t age = r_min(state->age + plant->h, spacing * R(STICKSLIP_LATE)); /* a longer step replaces all of them */
     while (age >= spacing * R(0.999999)) {
         age = r_max(age - spacing, R(0.0));
         state->newest = (state->newest + 1) % STICKSLIP_LATE;
@@ -380,7 +386,7 @@ int stickslip_step(const stickslip_plant *plant, stickslip_state *state, real_t 
     return stickslip_step_ramp(plant, state, input, input);
 }
 
-/* Whether an input that jumps by this takes a static stage, and the bristles of its contact, along. */
+/* Return true if a jump of the input by `change` makes a static stage, and the bristles of its contact, jump. */
 static bool jumps(const stickslip_plant *plant, real_t change)
 {
     const real_t force = plant->stiffness * plant->mechanism.gain * change;
@@ -394,7 +400,7 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
     const real_t before = state->end_effector_position;
 #endif
 #if STICKSLIP_HAS_AMPLIFIER
-    /* The amplifier follows the middle of its own input, which it has until the end of the step. */
+    /* The amplifier's input is taken as constant during the step, at the mean of its ends. */
     real_t wanted = R(0.5) * (begin + end);
     bits |= admitted(plant, state->asked, R(-LIMIT), R(LIMIT), &wanted);
     state->asked = wanted;
@@ -442,7 +448,7 @@ stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_s
     return out;
 }
 
-/* Begin the estimate again: at rest under the last input, where the end-effector was measured. */
+/* Restart the estimate: at rest at the last input, with the end-effector at the measured position. */
 static void begin_again(const stickslip_plant *plant, stickslip_state *state, real_t measured)
 {
 #if STICKSLIP_HAS_AMPLIFIER
@@ -463,7 +469,7 @@ static void begin_again(const stickslip_plant *plant, stickslip_state *state, re
 int stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured)
 {
     const real_t error = measured - state->end_effector_position;
-    const real_t reach = plant->mechanism.gain * (plant->high - plant->low); /* of the stage */
+    const real_t reach = plant->mechanism.gain * (plant->high - plant->low); /* range of the stage's motion */
     if (!r_isfinite(measured)) {
         return STICKSLIP_INPUT_NOT_FINITE;
     }
@@ -490,8 +496,9 @@ int stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real
     return STICKSLIP_OK;
 }
 
-/* The input for a motion of a stage that carries a force, to the second derivative of the motion: 1/G(s) = c0 + c1 s +
- * c2 s^2 of G(s), the sum of g / (1 + a s + b s^2) over the modes; exact for one. */
+/* Return the input for a motion of the stage under a force, to the second derivative of the motion. With the stage's
+ * transfer function G(s), the sum of g / (1 + a s + b s^2) over the modes, 1/G(s) = c0 + c1 s + c2 s^2 is exact for one
+ * mode and the start of the series for several. */
 static real_t through_modes(
     const stickslip_plant *plant, real_t position, real_t velocity, real_t acceleration, real_t force)
 {
@@ -514,7 +521,7 @@ int stickslip_feedforward(
     const stickslip_plant *plant, real_t position, real_t velocity, real_t acceleration, real_t *input)
 {
     const ss_Mechanism *mech = &plant->mechanism;
-    /* The contact carries the end-effector and yields by its deflection. */
+    /* The sticking contact accelerates the end-effector, and its bristles deflect under this force. */
     const real_t free =
         mech->slider_acceleration - mech->slider_damping * velocity - mech->slider_stiffness * position;
     const real_t force = (acceleration - free) / mech->mobility;
@@ -523,7 +530,7 @@ int stickslip_feedforward(
     const real_t made = follows_input(plant) ? stage / mech->gain
                                              : through_modes(plant, stage, velocity, acceleration, force);
     const int bits = (r_abs(force) > plant->holding) ? STICKSLIP_WOULD_SLIDE : STICKSLIP_OK;
-#if STICKSLIP_PIEZO /* of its own limits: stickslip_piezo_inverse */
+#if STICKSLIP_PIEZO /* this output of the piezo is not limited; stickslip_piezo_inverse limits its input */
     if (!r_isfinite(made)) {
         return bits | STICKSLIP_INPUT_NOT_FINITE;
     }
@@ -557,7 +564,7 @@ int stickslip_piezo_inverse(
     return (beyond ? STICKSLIP_INPUT_CLIPPED : STICKSLIP_OK) | input_for(plant, R(0.5) * (low + high), input);
 }
 
-/* What hysteresis and creep give at rest, V, where the actuator has a voltage; sets the state and the input. */
+/* Return the output of hysteresis and creep at rest at a voltage of the actuator, V; set the state and the input. */
 static real_t given_at_rest(const stickslip_plant *plant, stickslip_state *state, real_t volts, real_t *input)
 {
     (void)input_for(plant, volts, input);

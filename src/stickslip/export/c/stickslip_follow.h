@@ -1,4 +1,5 @@
-/* The model as the engine's plant, and the engine's integrator over one step of the model: for stickslip.c alone. */
+/* The model as a plant of the engine, and one time step of it with the engine's integrator. Only stickslip.c includes
+ * this file. */
 #ifndef STICKSLIP_FOLLOW_H
 #define STICKSLIP_FOLLOW_H
 
@@ -32,10 +33,10 @@
 #else
 #define EPSILON DBL_EPSILON
 #endif
-/* Roundings by which the ends of lines that join may be apart. */
+/* Largest difference of two joined ends of lines, as a multiple of the rounding error. */
 #define JOINED R(8.0)
 
-/* Number of the stage's modes; a stage that follows the input has none. */
+/* Return the number of the stage's modes; a stage that follows the input has none. */
 static int stage_modes(const stickslip_plant *plant)
 {
     return plant->engine.modes - (plant->mechanism.clamped ? 0 : 1);
@@ -61,7 +62,7 @@ static void fill_stage(const stickslip_model *model, const ss_Mechanism *mech, s
 #endif
 }
 
-/* The contact, between the stage and the end-effector, which is the last mode. */
+/* Add the contact to a plant. It acts between the stage's modes and the end-effector, which is the last mode. */
 static void fill_contact(const stickslip_model *model, const ss_Mechanism *mech, struct plant *P)
 {
     struct element *E = &P->element[P->elements++];
@@ -89,7 +90,8 @@ static void fill_contact(const stickslip_model *model, const ss_Mechanism *mech,
 }
 
 #if STICKSLIP_TWO_PORT
-/* The stops of a piezo, which feel its input and the stage's first mode: stickslip.simulation.two_port. */
+/* Add the stops of a piezo to a plant, which depend on its input and the stage's first mode
+ * (stickslip.simulation.two_port). */
 static void fill_stops(const stickslip_model *model, real_t felt, struct plant *P)
 {
     struct element *E = &P->element[P->elements++];
@@ -103,7 +105,7 @@ static void fill_stops(const stickslip_model *model, real_t felt, struct plant *
 }
 #endif
 
-/* Put the laws into a plant. */
+/* Set a plant's pointers to its laws and their numbers, which are not copied with it. */
 static void point(const stickslip_plant *from, struct plant *P)
 {
     int e = 0;
@@ -120,7 +122,8 @@ static void point(const stickslip_plant *from, struct plant *P)
     (void)e;
 }
 
-/* Fill the engine's plant from the mechanism and the rows of numbers. Returns whether this code is for its layout. */
+/* Fill the engine's plant from the mechanism and the rows of numbers. Returns false if this code was compiled for
+ * another layout. */
 static bool fill(const stickslip_model *model, stickslip_plant *made)
 {
     const ss_Mechanism *mech = &made->mechanism;
@@ -155,7 +158,7 @@ static bool fill(const stickslip_model *model, stickslip_plant *made)
 
 /* ---- The state -------------------------------------------------------------------------------------------- */
 
-/* What the further modes add to the stage's position (row 0) or velocity (row 1). */
+/* Return the sum of the further modes of the stage: of their positions (row 0) or velocities (row 1). */
 static real_t of_further(const stickslip_state *state, int row)
 {
     real_t sum = R(0.0);
@@ -205,7 +208,8 @@ static void pack(const stickslip_plant *plant, const stickslip_state *state, rea
 #endif
 }
 
-/* Add to a position, or a term of creep, and remember what rounding took away. */
+/* Add a change to a position or a term of creep, and keep the rounding error in `lost` for the next call (Kahan's
+ * compensated sum). */
 static void add(real_t *position, real_t *lost, real_t change)
 {
     const real_t wanted = change - *lost;
@@ -214,7 +218,7 @@ static void add(real_t *position, real_t *lost, real_t change)
     *position = sum;
 }
 
-/* Move the state on to q, whose positions are counted from where it is. */
+/* Update the state from the integrator's result q, whose positions are relative to those of the state. */
 static void unpack(const stickslip_plant *plant, const real_t q[ROOM_STATES], const struct OF(regime) *on,
                    stickslip_state *state)
 {
@@ -255,7 +259,8 @@ static void unpack(const stickslip_plant *plant, const real_t q[ROOM_STATES], co
 
 /* ---- The step --------------------------------------------------------------------------------------------- */
 
-/* Follow the drive, behind the piezo's hysteresis and creep, along a line from `begin` to `end`. Returns bits. */
+/* Integrate the motion over one time step in which the drive, after hysteresis and creep of the piezo, changes linearly
+ * from `begin` to `end`. Returns bits. */
 static int follow(const stickslip_plant *plant, stickslip_state *state, real_t begin, real_t end)
 {
     static const int64_t none[3] = {0, 0, 0};
@@ -273,7 +278,7 @@ static int follow(const stickslip_plant *plant, stickslip_state *state, real_t b
     struct OF(walk) walk = {.P = &P, .drive = &drive, .load = &load, .h = state->next, .fresh = state->fresh || turns,
                             .local = LOCAL * R(STICKSLIP_TOLERANCE), .max_steps = STICKSLIP_MOST_TRIES, .log = &unused};
     pack(plant, state, walk.q, &walk.on);
-    for (int m = 0; m < MODES(&P); ++m) { /* count positions from here: rounding their small changes would add up */
+    for (int m = 0; m < MODES(&P); ++m) { /* relative positions: otherwise the rounding of small changes would add up */
         P.mode[m].acceleration -= P.mode[m].stiffness * walk.q[2 * m];
         walk.q[2 * m] = R(0.0);
     }
@@ -288,7 +293,7 @@ static int follow(const stickslip_plant *plant, stickslip_state *state, real_t b
     return whole ? STICKSLIP_OK : STICKSLIP_NOT_FOLLOWED;
 }
 
-/* The force of the stage on the end-effector, N. */
+/* Return the friction force of the stage on the end-effector, N. */
 static real_t force_now(const stickslip_plant *plant, const stickslip_state *state)
 {
     const ss_Mechanism *mech = &plant->mechanism;

@@ -70,7 +70,7 @@ fmi2Status fmi2SetRealInputDerivatives(
     return fmi2OK;
 }
 
-/* What this FMU has not: it says so. */
+/* Functions of FMI that this FMU does not support: they return an error. */
 
 #define ACCESS(kind, type) \
     fmi2Status fmi2Get##kind(fmi2Component i, const fmi2ValueReference vr[], size_t n, type value[]) \

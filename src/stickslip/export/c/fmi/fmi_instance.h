@@ -20,18 +20,18 @@ typedef struct {
     stickslip_state state;
     stickslip_outputs outputs;
     real_t input[3]; /* voltage and measured position, or wanted position, velocity, acceleration */
-    real_t slope;    /* of the first input, 1/s */
-    real_t voltage;  /* of the feedforward */
+    real_t slope;    /* time derivative of the first input, V/s */
+    real_t voltage;  /* output of the feedforward, V */
     bool would_slide;
     real_t step; /* s, longest internal step */
     double time;
-    double uncorrected; /* s, since the observer was corrected */
+    double uncorrected; /* s, time since the last correction of the observer */
     int phase;
 } fmi_data;
 
 #include "fmi_variables.h" /* MODE, TOKEN, fmi_real, fmi_boolean, is_parameter: generated */
 
-static const double MOST_STEPS = 1e7; /* in one communication step */
+static const double MOST_STEPS = 1e7; /* largest number of internal steps in one communication step */
 
 static void fmi_start(fmi_data *data)
 {
@@ -52,7 +52,7 @@ static void fmi_refresh(fmi_data *data)
     }
 }
 
-/* The state and the outputs at the start. NULL, or what is wrong with the parameters. */
+/* Compute the state and the outputs at the start. Returns NULL, or an error message about the parameters. */
 static const char *fmi_initial(fmi_data *data)
 {
     const char *wrong = stickslip_init(&data->plant, &data->parameters, (double)data->step);
@@ -60,7 +60,7 @@ static const char *fmi_initial(fmi_data *data)
         return wrong;
     }
     stickslip_rest(&data->plant, &data->state, (MODE == FEEDFORWARD) ? R(REST_INPUT) : data->input[0]);
-    if (MODE == OBSERVER) { /* where it was measured */
+    if (MODE == OBSERVER) { /* the end-effector starts at the measured position, if that is finite */
         const real_t there = data->input[1] - data->state.end_effector_position;
         data->state.end_effector_position += (data->input[1] - data->input[1] == R(0.0)) ? there : R(0.0);
     }
@@ -69,7 +69,7 @@ static const char *fmi_initial(fmi_data *data)
     return NULL;
 }
 
-/* End of the initialisation. NULL, or what is wrong with the parameters. */
+/* End the initialisation. Returns NULL, or an error message about the parameters. */
 static const char *fmi_begin(fmi_data *data)
 {
     const char *wrong = fmi_initial(data);
@@ -79,7 +79,8 @@ static const char *fmi_begin(fmi_data *data)
     return wrong;
 }
 
-/* Before a variable is read: an output is that of what was set. NULL, or what is wrong with the parameters. */
+/* Update the outputs before a variable is read, so that they belong to the inputs and parameters that were set. Returns
+ * NULL, or an error message about the parameters. */
 static const char *fmi_before_get(fmi_data *data, unsigned int reference)
 {
     if (is_parameter(reference) || is_input(reference)) {
@@ -94,7 +95,7 @@ static const char *fmi_before_get(fmi_data *data, unsigned int reference)
     return NULL;
 }
 
-/* Correct the observer, once within each step that its gain is for. NULL, or a warning. */
+/* Correct the observer, once in each step for which its gain is valid. Returns NULL, or a warning. */
 static const char *fmi_observe(fmi_data *data)
 {
     const double step = (double)data->step, since = data->uncorrected;
@@ -110,7 +111,8 @@ static const char *fmi_observe(fmi_data *data)
         ? NULL : "the time since the last correction is longer than the step that the observer's gain is for";
 }
 
-/* A communication step: as many internal steps of one length as it takes. NULL, or what is wrong; a warning apart. */
+/* Compute a communication step in equal internal steps. Returns NULL, or an error message; sets `warning` if there is
+ * one. */
 static const char *fmi_advance(fmi_data *data, double length, const char **warning)
 {
     const double count = ceil(length / (double)data->step - 1e-6);
@@ -157,13 +159,13 @@ static const char *fmi_advance(fmi_data *data, double length, const char **warni
     return NULL;
 }
 
-/* A number that was set. XML knows no infinity: the largest double stands for it. */
+/* Return a value that the importer set. FMI has no infinity, so the largest double stands for it. */
 static real_t fmi_number(double value)
 {
     return (fabs(value) >= DBL_MAX) ? (real_t)copysign(INFINITY, value) : (real_t)value;
 }
 
-/* A setter's question. NULL, or why this variable must not be set now. */
+/* Check that a variable may be set in the present phase. Returns NULL, or an error message. */
 static const char *fmi_forbidden(const fmi_data *data, unsigned int reference)
 {
     if (is_parameter(reference)) {

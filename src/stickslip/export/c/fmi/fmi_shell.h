@@ -30,7 +30,7 @@ static FMI(Status) failed(const component *c, const char *text)
 
 static FMI(Status) missing(void *i) { return failed((component *)i, "not supported by this FMU"); }
 
-/* A new instance; NULL, with `wrong` to the logger, if the importer's token or kind is another one. */
+/* Return a new instance; NULL, with the message `wrong` to the logger, if the importer's token or kind is wrong. */
 static void *instantiated(const char *name, fmi_logger log, void *environment, bool right, const char *wrong)
 {
     component *c = (component *)calloc(1, sizeof *c);
@@ -158,7 +158,7 @@ FMI(Status) FMI(SetBoolean)(void *i, const FMI(ValueReference) vr[], size_t n, c
     return FMI(OK);
 }
 
-/* Copy a state, as it is or from its bytes, to memory that is made where there is none. */
+/* Copy a state, from another one or from its bytes, to *state; allocate memory if *state is NULL. */
 static FMI(Status) copied(void *i, fmi_state *state, const void *source)
 {
     if (*state == NULL) {
