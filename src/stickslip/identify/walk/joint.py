@@ -177,7 +177,7 @@ class _Known(NamedTuple):
     def root(self) -> Array:
         """Return the upper triangular root A, shape [k, k], of the prior's inverse covariance: V^-1 = A^T A.
 
-        A deviation q - q_0 of the stage's k coordinates adds |A (q - q_0)|^2 to the sum of squares.
+        A deviation q - q_0 of the stage's k coordinates adds ``|A (q - q_0)|^2`` to the sum of squares.
         """
         covariance = self.fit.uncertainty.covariance[np.ix_(self.places, self.places)]
         return np.asarray(np.linalg.cholesky(np.linalg.inv(covariance)).T, dtype=np.float64)
