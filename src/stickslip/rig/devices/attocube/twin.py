@@ -32,9 +32,9 @@ _UP, _DOWN = tuple(range(256)), tuple(range(255, -1, -1))
 class Settings(NamedTuple):
     """Settings of the steps of one axis: step rate, amplitude, and constant offset voltage."""
 
-    frequency: Annotated[float, Quantity("Hz", "f", "steps per second", minimum=1, maximum=10_000)] = 200.0
-    amplitude: Annotated[float, Quantity("V", "V", "of the steps", minimum=0, maximum=150)] = 30.0
-    offset: Annotated[float, Quantity("V", "A", "beside the steps", minimum=0, maximum=150)] = 0.0
+    frequency: Annotated[float, Quantity("Hz", "f", "step rate", minimum=1, maximum=10_000)] = 200.0
+    amplitude: Annotated[float, Quantity("V", "V", "amplitude of the steps", minimum=0, maximum=150)] = 30.0
+    offset: Annotated[float, Quantity("V", "A", "constant voltage", minimum=0, maximum=150)] = 0.0
 
 
 _FIELDS = {
