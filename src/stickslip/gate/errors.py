@@ -20,8 +20,8 @@ class GateBusy(GateError):
 def damaged(kind: type[Exception], said: str) -> Iterator[None]:
     """Convert every exception in the context to one documented type.
 
-    Content that was damaged by hand or on a disk can raise almost any exception when it is interpreted; only
-    here are all of them caught. Errors of the given type, MemoryError and GateBusy pass unchanged.
+    Content that was damaged by hand or on a disk can raise almost any exception when it is interpreted.
+    Errors of the given type, MemoryError and GateBusy pass unchanged.
 
     Args:
         kind: the documented type of error.

@@ -116,7 +116,8 @@ def _capture(recording: xr.Dataset) -> dict[str, Any]:
 def on_one_clock(recordings: Sequence[xr.Dataset], channel: str) -> xr.Dataset:
     """Interpolate a channel of several recordings to the sampling times of the first one.
 
-    Only times are used that all recordings cover. The clocks must have a common zero (`common_zeros`).
+    Only times are used that all recordings cover. The times of the recordings must already be counted from a
+    common zero (`common_zeros`).
 
     Returns:
         Dataset over "time" [s] and "run": the channel, and `difference` of each from the first, in its unit.
