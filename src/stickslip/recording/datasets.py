@@ -36,9 +36,9 @@ DATASETS = {name: Dataset(**entry) for name, entry in tomllib.loads(_FILE.read_t
 def dataset_path(name: str, file: str) -> Path:
     """Return the path of a file of a published data set, after downloading it if necessary.
 
-    The file is looked for in the folder that the environment variable STICKSLIP_DATASETS names, in
-    ``../shared/datasets`` beside a checkout of this project, then in the user's cache, which is filled from
-    the authors' repository (by pooch: the extra "data").
+    The function first searches the folder in the environment variable STICKSLIP_DATASETS, then
+    ``../shared/datasets`` beside a checkout of this project, then the user's cache. Missing files are
+    downloaded to the cache from the authors' repository (by pooch, extra "data").
 
     Args:
         name: a key of `DATASETS`.

@@ -94,12 +94,12 @@ def remove_leftovers(folder: Path) -> int:
 def is_running(process: int) -> bool:
     """Return True if a process with the number `process` exists and is not the calling process."""
     if process in (0, os.getpid()):
-        return False  # this process has not written yet: an earlier one had the same number
+        return False  # a file with this process's own number is left from an earlier process
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
         return False
-    except OSError:  # a process of another user
+    except OSError:  # it exists, but belongs to another user
         return True
     return True
 

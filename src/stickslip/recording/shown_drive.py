@@ -36,7 +36,7 @@ _EXPLAINED = 1.3  # residual, in units of the channel's white noise, above which
 _STEPS = 8  # largest number of Gauss-Newton steps; two or three are usual
 _EXACT = 1e-6  # difference of residuals, relative to the range, below which they count as equal
 MOST_FITTED = 100_000  # largest number of samples for the fit of a waveform; a longer recording is thinned
-MOST_SAMPLES = 2000  # largest number of samples for the search of a start
+MOST_SAMPLES = 2000  # largest number of samples with which a start is refined
 
 
 class RecognisedDrive(NamedTuple):

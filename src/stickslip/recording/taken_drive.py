@@ -30,7 +30,9 @@ CHANNEL = "drive_voltage"
 # A waveform in the recording's attribute (NAMED) was commanded, and voltage monitors are calibrated to 1 or
 # 2 %; a waveform recognised in the channel (RECOGNISED) has the channel's own scale.
 NAMED, RECOGNISED = 0.02, 0.005
-NOISY = 2.0  # rms difference, in units of the channel's white noise, that is always allowed
+# Largest rms difference between a waveform and the channel, in units of the channel's white noise, that is
+# allowed in any case.
+NOISY = 2.0
 
 Array = NDArray[np.float64]
 

@@ -211,8 +211,9 @@ def _allowed(
     r = np.concatenate(fit.residuals)
     if fit.jacobian is None or not has_slopes(fit.model) or (stage is None and not stages):
         return float(r @ r)
-    # Derivatives of the positions by the stage's values, in standard deviations of these. A change of the
-    # stage by one standard deviation adds as much to chi-squared as one residual of the size of the noise.
+    # `moves` are changes of the positions by one standard deviation of the stage's values. Least squares
+    # below
+    # penalise such a change of the stage like one residual of the size of the noise.
     moves = np.zeros((r.size, 0))
     if stage is not None:
         moves = _by_values(fit, walks, drives, slew_rate, stage)

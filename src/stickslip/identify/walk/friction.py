@@ -93,10 +93,10 @@ def identify_friction(
 
     Every recording is simulated from rest, so its first sample must be at rest.
 
-    If the recordings hardly determine one value of the actuator, and derivatives exist, the result is
-    averaged over all plausible values of this parameter, and the intervals of the other parameters allow for
-    them (see `marginal`). If the model leaves out that friction acts back on the stage, `failures` or
-    `remarks` report whether the recordings contradict that (see `reaction`).
+    The recordings may hardly determine one parameter of the actuator. If derivatives exist, the result is
+    then averaged over all its plausible values, and the intervals of the other parameters allow for these
+    (see `marginal`). If the model leaves out that friction acts back on the stage, `failures` or `remarks`
+    report whether the recordings contradict that (see `reaction`).
 
     Args:
         recordings: with end_effector_position [m]; or [rad], for a rotary actuator: then forces in the model

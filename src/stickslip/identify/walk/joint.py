@@ -229,7 +229,8 @@ class _Weighted:
         ]
 
     def narrowed(self, left: Sequence[Array]) -> list[Array]:
-        """Return the residuals with samples of clock jitter scaled down, so that the noise is uniform."""
+        """Return the residuals, m, scaled down where clock jitter makes the noise larger, so that it is
+        uniform."""
         return [one.narrowed(r) for one, r in zip(self.jitter, left, strict=True)]
 
     def problem(self, parameters: Sequence[Parameter]) -> Problem:

@@ -18,8 +18,8 @@ from ..free import value_of
 from .position_channel import CHANNEL
 from .walks import Walks
 
-# Fewest samples at rest for a test of their mean, and its size in standard errors above which there is an
-# offset.
+# Fewest samples at rest for a test of their mean position, and size of this mean, in standard errors, above
+# which an offset is fitted.
 FEWEST, SURE = 10, 4.0
 # Ratio of the sums of squares without and with free delay and offset above which the linearised test at the
 # fit without them is not used.

@@ -266,9 +266,11 @@ def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:
 
 
 def _without_settings(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -> str:
-    """Return the kinds of the columns with "e" (empty) for columns that are blank in more than 90 % of the
-    rows, if an oscilloscope has stored its settings as words in such columns beside the first samples;
-    otherwise unchanged."""
+    """Return the kinds of the columns, with "e" (empty) for columns that are blank in over 90 % of the rows.
+
+    This applies if some such column contains words: an oscilloscope has stored its settings beside the first
+    samples. Otherwise the kinds are unchanged.
+    """
     found = [row for row in map(signs.kinds, rows) if len(row) == len(kinds) and "n" in row]
     blank = [sum(row[k] == "e" for row in found) > 0.9 * len(found) for k in range(len(kinds))]
     if not any(b and any(row[k] == "s" for row in found) for k, b in enumerate(blank)):

@@ -18,7 +18,8 @@ from .reading import read_recording
 
 PATIENCE = 8.0  # CPU time allowed for any file, s; larger files get more
 SLOWEST = 5e6  # bytes of a file for which one further second is allowed
-_MARGIN = 256 * 2**20  # memory in bytes, in addition to three times the largest allowed content of a file
+# The process may use this memory, in bytes, in addition to three times the largest allowed content of a file.
+_MARGIN = 256 * 2**20
 
 
 class ReaderBusy(RecordingError):

@@ -45,7 +45,8 @@ MARKS = frozenset(["data", "waveformdata", "begindata", "values", "samples", "en
 
 
 class HeaderClock(NamedTuple):
-    """Clock in a header: the time of sample k of a channel, in s, is ``start + k * increment``."""
+    """Clock that a file's header describes: the time of sample k (from 0) is ``start + k * increment``, in
+    s."""
 
     start: float
     increment: float

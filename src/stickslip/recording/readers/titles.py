@@ -38,7 +38,8 @@ def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str
         fields = [field.lstrip(mark[1]) for field in fields]
     if count - blank <= len(fields) < count:
         return [*fields, *[""] * (count - len(fields))]
-    if len(fields) == count + 1 and fields[-1].lower() == "comment":  # LabVIEW; the column is mostly empty
+    # LabVIEW names a last column "Comment", which is empty in most rows and therefore not among the columns.
+    if len(fields) == count + 1 and fields[-1].lower() == "comment":
         return fields[:-1]
     if len(fields) != count and (
         mark or delimiter == SPACE
