@@ -51,7 +51,7 @@ class JobStep(NamedTuple):
 
 
 class Job(NamedTuple):
-    """A job with its steps; steps in other files have been read."""
+    """A job that was read from a file: title, notes for the report, and steps, also those in other files."""
 
     title: str
     notes: str
@@ -121,7 +121,7 @@ def _step(number: int, said: Any, path: Path) -> JobStep:
 def _kind_of(content: Content, path: Path) -> str:
     if "runs" in content:
         return "record"
-    if {"target", "walk", "position"} & content.keys():  # keys that no other file has
+    if {"target", "walk", "position"} & content.keys():  # keys that only the file of a move has
         return "move"
     if {"positioner", "measured"} & content.keys():
         return "steps"

@@ -81,7 +81,10 @@ def with_comment(data: bytes, comment: bytes) -> bytes:
 
 
 def comment_of(data: bytes) -> tuple[bytes, bytes]:
-    """Return the comment of gzip data, and the part after its header; raises ChunkError for other data."""
+    """Return the comment in the header of gzip data, and the data after the header.
+
+    Raises ChunkError if the header is not the one that `with_comment` writes.
+    """
     comment, end, rest = data.removeprefix(_GZIP).partition(b"\0")
     if not data.startswith(_GZIP) or not end:
         raise ChunkError("has no seal")
@@ -243,7 +246,7 @@ def in_store(store: Path, name: str) -> Path:
 
 def _texts(values: NDArray[Any]) -> bytes:
     parts, texts = [values.size.to_bytes(4, "little")], values.ravel().tolist()
-    if not any(texts):  # usually all texts are empty
+    if not any(texts):  # a fast path, because usually no member failed and all reasons are empty
         return parts[0] + bytes(4 * len(texts))
     for text in (str(one).encode() for one in texts):
         parts += [len(text).to_bytes(4, "little"), text]

@@ -238,7 +238,7 @@ def _late(client: Client, running: dict[Any, _RunningShare], tasks: Tasks) -> li
 def _take(one: _RunningShare | None, layout: Layout, tasks: Tasks, heard: Callable[[Done], None]) -> None:
     if one is None:
         return
-    if one.future.status in ("cancelled", "lost"):  # the scheduler was lost
+    if one.future.status in ("cancelled", "lost"):  # the connection to the scheduler was lost
         tasks.waiting.append(one.number)
         return
     if one.future.status == "error":

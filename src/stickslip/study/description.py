@@ -1,4 +1,4 @@
-"""Description of a study in plain values: stored in its store, and compared when a run resumes."""
+"""Description of a study as JSON data, which is kept in its store and compared when a run resumes."""
 
 from __future__ import annotations
 
@@ -31,13 +31,14 @@ def described(study: Any) -> dict[str, Any]:
         "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
         "order": _order(study.points),
         "package": __version__,
-        "engine": library().STICKSLIP_ABI,  # hash of the engine's sources
+        "engine": library().STICKSLIP_ABI,  # hash of the compiled engine's sources
     }
 
 
 def _order(points: Any) -> list[list[str]]:
     """Return the order of the names in each part: a grid's dimensions, and the columns of a random design.
-    `identity` sorts by name, so without this a study in another order would seem equal."""
+    `identity` sorts by name, so without this list a study with its names in another order would seem equal.
+    """
     parts = [points] if isinstance(points, Part) else points
     ordered = [part for part in parts if isinstance(part, Grid | Random)]
     return [list(part.values if isinstance(part, Grid) else part.ranges) for part in ordered]

@@ -142,7 +142,7 @@ class Study:
         return Layout(self.dims, self.shape, cut(self.shape, task), (*varied, *found))
 
     def inner(self) -> dict[str, xr.DataArray]:
-        """Return the coordinates of the results' own dimensions, such as time."""
+        """Return the coordinates of dimensions that only results have, such as time, by name."""
         made = self._trial
         return {str(name): c for name, c in made.coords.items() if name != "member"}
 

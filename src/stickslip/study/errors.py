@@ -1,4 +1,4 @@
-"""Errors of a study as a whole."""
+"""Errors that end a whole study, and not only the computation of a member."""
 
 from __future__ import annotations
 

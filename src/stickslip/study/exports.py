@@ -54,7 +54,7 @@ def export_study(
 def _netcdf(store: Store, file: Path, progress: Progress) -> int:
     whole = open_study(store.path).load()
     for name in [n for n, one in whole.items() if one.dtype.kind not in "fiu"]:
-        whole[name] = whole[name].astype(object)  # texts, variable in length
+        whole[name] = whole[name].astype(object)  # strings of variable length
     # The file is made in memory, because HDF5 ends the whole process if a disk is full when it closes a file.
     file.write_bytes(whole.to_netcdf(None, engine="h5netcdf"))
     progress("writing", 1.0)

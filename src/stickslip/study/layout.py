@@ -99,7 +99,7 @@ class Layout(NamedTuple):
         return one * math.prod(self.chunk(variable))
 
     def whole(self, variable: StudyVariable) -> tuple[int, ...]:
-        """Return the shape of the variable over all members."""
+        """Return the shape of a variable's array over all members of the study."""
         size = dict(zip(self.dims, self.shape, strict=True))
         return (*(size[dim] for dim in variable.dims), *(count for _, count in variable.inner))
 

@@ -51,7 +51,7 @@ def sigint_blocked() -> Iterator[None]:
 
     The child inherits the block, so that Ctrl-C in the terminal does not end it; this process ends it.
     """
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
+    if not hasattr(signal, "pthread_sigmask"):  # Windows cannot block signals
         yield
         return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -1,4 +1,4 @@
-"""Run studies: estimate the cost, create the store or resume from it, and give the tasks to workers."""
+"""Runner of studies: it estimates the cost, creates or opens the store, and gives the tasks to workers."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
     there = Store(path)
     there.check(description, study.task)
-    if _of(there.layout) != _of(study.layout()):  # the identity does not contain the layout
+    if _of(there.layout) != _of(study.layout()):  # the study's hash does not cover the layout
         raise StudyError(
             f"{there.path}: its layout is not that of the study, with {study.layout().members:,} members: "
             "was its zarr.json changed? Take another store"
@@ -199,7 +199,7 @@ def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> li
 
 
 class _ToldProgress:
-    """Reporter of a run's progress, at increasing intervals."""
+    """Reporter of a run's progress; it is called after each task and reports at increasing intervals."""
 
     def __init__(self, layout: Layout, tasks: int, progress: Progress) -> None:
         self._layout, self._tasks, self._progress = layout, tasks, progress

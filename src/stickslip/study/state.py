@@ -44,7 +44,7 @@ class StudyState(NamedTuple):
 
 
 def study_state(path: str | os.PathLike[str]) -> StudyState:
-    """Return the progress of a study.
+    """Return the progress of a study, given the folder of its store.
 
     Raises:
         StudyError: the folder is not a store of a study.

@@ -16,8 +16,7 @@ from .store import Store
 
 
 class Done(NamedTuple):
-    """Report of a finished task: its number, computing time (s), number of members, and number of failed
-    ones."""
+    """Report of a finished task: its number, computing time [s], numbers of members and of failed members."""
 
     number: int
     seconds: float
@@ -89,7 +88,7 @@ def run_task(study: Study, store: Store, number: int) -> Done:
     Args:
         study: the study.
         store: store of the study.
-        number: number of the task; each task is a block of members.
+        number: number of the task, from 0; each task is a block of members.
 
     Returns:
         A report of the finished task.

@@ -81,7 +81,7 @@ def evaluate(drive: Drive, t: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     times = np.atleast_1d(np.asarray(t, dtype=float))
     segment = segment_at(drive, times)
     tau = times - drive.start[segment]
-    order = np.flatnonzero(drive.polynomial.any(axis=0)).max(initial=1)  # highest power: often 1
+    order = np.flatnonzero(drive.polynomial.any(axis=0)).max(initial=1)  # highest power in use
     values, slopes = drive.polynomial[:, order][segment], np.zeros_like(tau)
     for c in drive.polynomial.T[order - 1 :: -1]:  # Horner's rule for value and slope
         slopes = values + tau * slopes

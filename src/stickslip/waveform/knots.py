@@ -78,7 +78,7 @@ class PeriodicKnots(NamedTuple):
         return min(self.values), max(self.values)
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]."""
+        """Return the drive for 0 <= t < duration [s] as a table of segments with formulas (`Drive`)."""
         times = np.array(self.times)
         polynomial = _polynomials(times, np.array(self.values), np.array(self.period), self.smooth)
         return repeat_table(wrapped(times, polynomial, self.period), self.period, self.periods, duration)

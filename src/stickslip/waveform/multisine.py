@@ -67,8 +67,10 @@ class Multisine(NamedTuple):
         return common / divisor / self.frequencies[0]
 
     def components(self) -> NDArray[np.float64]:
-        """Return the sines as rows [K, 4] of `Drive.harmonic`: amplitude, angular frequency (rad/s), phase
-        (rad) and 0."""
+        """Return the sines as an array [K, 4], one row each, in the form of `Drive.harmonic`.
+
+        The columns are amplitude, angular frequency (rad/s), phase (rad), and 0 (no chirp).
+        """
         amplitudes = np.array(self.amplitudes)
         phases = schroeder_phases(amplitudes) if self.phases is None else np.array(self.phases)
         omega = 2 * np.pi * np.array(self.frequencies)
@@ -93,7 +95,7 @@ class Multisine(NamedTuple):
         return float(self.offset - max(0.0, _crest(waves, t))), float(self.offset + high)
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]."""
+        """Return the drive for 0 <= t < duration [s] as a table of segments with formulas (`Drive`)."""
         waves = tuple(tuple(row) for row in self.components().tolist())
         pieces = [Piece(0.0, (self.offset,), waves), Piece(self.duration, (self.offset,))]
         return assemble(self.offset, pieces, duration)

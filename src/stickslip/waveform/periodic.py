@@ -41,7 +41,7 @@ def _duration(w: Any) -> float:
 
 
 def _drive(w: Any, duration: float) -> Drive:
-    """Return the segment table of the drive for 0 <= t < duration [s]."""
+    """Return the drive for 0 <= t < duration [s] as a table of segments with formulas (`Drive`)."""
     return repeat(w.pieces(), w.frequency, w.periods, w.offset, duration)
 
 
@@ -69,7 +69,7 @@ def _stroke(waveform: Sawtooth | ReverseSawtooth | Triangle | Cycloid) -> tuple[
 
 
 def check_periods(waveform: Any) -> None:
-    """Raise QuantityError unless the number of periods is a whole number."""
+    """Raise QuantityError unless the waveform's number of periods is a whole number or None (without end)."""
     if waveform.periods is not None and waveform.periods % 1:
         field = f"{type(waveform).__name__}.periods"
         raise QuantityError(f"{field} = {waveform.periods:g} is out of range: it must be a whole number >= 1")
@@ -223,7 +223,7 @@ class Sine(NamedTuple):
         return self.offset - abs(self.amplitude), self.offset + abs(self.amplitude)
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]."""
+        """Return the drive for 0 <= t < duration [s] as a table of segments with formulas (`Drive`)."""
         wave = (self.amplitude, 2 * math.pi * self.frequency, self.phase, 0.0)
         pieces = [Piece(0.0, (self.offset,), (wave,)), Piece(self.duration, (self.offset,))]
         return assemble(self.offset, pieces, duration)

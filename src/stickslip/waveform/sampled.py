@@ -105,7 +105,7 @@ class Sampled:
         return float(self.values.min()), float(self.values.max())
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]."""
+        """Return the drive for 0 <= t < duration [s] as a table of segments with formulas (`Drive`)."""
         start, polynomial = self.times, np.zeros((len(self.times), 4))
         polynomial[:, 0] = self.values
         if self.interpolation == "linear":

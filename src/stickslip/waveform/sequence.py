@@ -69,7 +69,7 @@ class Sequence:
         return min(low for low, _ in ranges), max(high for _, high in ranges)
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]."""
+        """Return the drive for 0 <= t < duration [s] as a table of segments with formulas (`Drive`)."""
         begins = [0.0, *accumulate(length for _, length in self.parts)]
         drives = [
             cut(waveform.drive(min(length, duration - begin)), length)

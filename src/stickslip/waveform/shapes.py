@@ -33,11 +33,11 @@ class Constant(NamedTuple):
         return math.inf
 
     def range(self) -> tuple[float, float]:
-        """Return the value twice, as least and greatest value."""
+        """Return the least and greatest value, which are equal."""
         return self.level, self.level
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive: one constant segment."""
+        """Return the drive as a table (`Drive`) of one constant segment, whatever the duration [s]."""
         return constant(self.level)
 
 
@@ -56,11 +56,11 @@ class Rest(NamedTuple):
         """Return None: the waveform is not periodic."""
 
     def range(self) -> tuple[float, float]:
-        """Return the value twice, as least and greatest value."""
+        """Return the least and greatest value, which are equal."""
         return self.level, self.level
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive: one constant segment."""
+        """Return the drive as a table (`Drive`) of one constant segment, whatever the duration [s]."""
         return constant(self.level)
 
 
@@ -85,12 +85,12 @@ class Step(NamedTuple):
         return math.inf
 
     def range(self) -> tuple[float, float]:
-        """Return the exact least and greatest value."""
+        """Return the exact least and greatest value of the drive."""
         top = self.offset + self.amplitude
         return min(self.offset, top), max(self.offset, top)
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]."""
+        """Return the drive for 0 <= t < duration [s] as a table of segments with formulas (`Drive`)."""
         pieces = [Piece(0.0, (self.offset,)), Piece(self.delay, (self.offset + self.amplitude,))]
         return assemble(self.offset, pieces, duration)
 
@@ -125,11 +125,11 @@ class Ramp(NamedTuple):
         return self.offset + (self.rate * self.rise_time if self.rate else 0.0)
 
     def range(self) -> tuple[float, float]:
-        """Return the exact least and greatest value."""
+        """Return the exact least and greatest value of the drive."""
         return min(self.offset, self.end), max(self.offset, self.end)
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]."""
+        """Return the drive for 0 <= t < duration [s] as a table of segments with formulas (`Drive`)."""
         rise = [Piece(0.0, (self.offset,)), Piece(self.delay, (self.offset, self.rate))]
         return assemble(self.offset, [*rise, Piece(self.duration, (self.end,))], duration)
 
@@ -163,7 +163,7 @@ class Chirp(NamedTuple):
         return min(turns), max(turns)
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]."""
+        """Return the drive for 0 <= t < duration [s] as a table of segments with formulas (`Drive`)."""
         sweep = math.pi * (self.end_frequency - self.start_frequency) / self.duration
         wave = (self.amplitude, 2 * math.pi * self.start_frequency, 0.0, sweep)
         pieces = [Piece(0.0, (self.offset,), (wave,)), Piece(self.duration, (self.offset,))]

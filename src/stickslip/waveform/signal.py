@@ -32,7 +32,7 @@ class Waveform(Protocol):
     def duration(self) -> float: ...
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s].
+        """Return the drive for 0 <= t < duration [s] as a table of segments, each with its formula (`Drive`).
 
         A jump at t = duration is left out.
         """
@@ -82,7 +82,7 @@ def _evaluated(waveform: Waveform, t: ArrayLike, which: int) -> NDArray[np.float
 
 
 def check_unit(unit: Any, owner: str) -> None:
-    """Raise QuantityError unless the unit is "V", "m" or "rad"."""
+    """Raise QuantityError, which names the waveform `owner`, unless the unit is "V", "m" or "rad"."""
     if unit not in get_args(Unit):
         raise QuantityError(f"{owner}.unit = {unit!r}: a waveform is in 'V', in 'm' or in 'rad'")
 

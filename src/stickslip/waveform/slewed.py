@@ -31,7 +31,7 @@ class Slewed:
 
     @property
     def unit(self) -> str:
-        """Return the unit of the source."""
+        """Return the unit of the source: "V", "m" or "rad"."""
         return self.source.unit
 
     @property
@@ -45,7 +45,7 @@ class Slewed:
         return self.source.range()
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s].
+        """Return the drive for 0 <= t < duration [s] as a table of segments, each with its formula (`Drive`).
 
         Raises:
             QuantityError: a ramp takes longer than the segment that follows the jump.

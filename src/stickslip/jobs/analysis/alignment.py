@@ -239,7 +239,10 @@ def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:
 
 
 def _first_change(whole: xr.Dataset, name: str) -> float:
-    """Return the time at which drive_voltage leaves its first level [s]."""
+    """Return the time [s] at which drive_voltage differs from its first sample by more than `BEGUN`.
+
+    `whole` is the recording, and `name` its name in errors.
+    """
     u = channel(whole, "drive_voltage", name, varies=True)
     return float(whole["time"].values[int(np.argmax(np.abs(u - u[0]) > BEGUN * np.ptp(u)))])
 

@@ -29,10 +29,10 @@ from .walk import WalkFile
 
 
 class ComparisonAnalysis(WalkFile):
-    """Request to compare models of walks.
+    """Request to compare models of walks, such as friction laws.
 
-    `laws` are names in `walk_candidates` (all of them by default), and a user's own laws as in a file of
-    friction loops.
+    `laws` are names of models in `walk_candidates` (all of them by default), and a user's own laws in the
+    form of an identification file for friction loops (`LawSpec`).
     """
 
     kind: Literal["comparison"] = "comparison"

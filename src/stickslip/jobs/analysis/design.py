@@ -117,7 +117,11 @@ class DesignAnalysis(Analysis, ModelOrFit):
 
 
 def design_analysis(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> tuple[DesignAnalysis, Path]:
-    """Read a design file with changes as for `load_yaml`; return it and the folder of its relative paths.
+    """Return the content of a design file, and the folder of the relative paths in it.
+
+    Args:
+        path: path of the file.
+        changes: changes to its content, as for `load_yaml`.
 
     Raises:
         AnalysisError: the file is invalid; the message names the file and the field.

@@ -68,9 +68,9 @@ class OptimiseSpec(
 
 
 class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "generations")):
-    """Arguments of `design.waveform_front`: Pareto-optimal drives for two goals."""
+    """Arguments of `design.waveform_front`, which searches the Pareto-optimal drives for two goals."""
 
-    goals: list[Goal] = ["speed"]  # noqa: RUF012  # pydantic copies it
+    goals: list[Goal] = ["speed"]  # noqa: RUF012  # pydantic copies the default
 
     def made(self, given: Given) -> Document:
         """Search for the front; return a report. Raises QuantityError for wrong values."""

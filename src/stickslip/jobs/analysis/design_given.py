@@ -160,14 +160,20 @@ class ScenarioSpec(Strict):
 
 
 class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "frequency", "seed")):
-    """Common arguments of all searches for a drive; see `optimise_waveform`."""
+    """Arguments that all searches for a drive have in common.
+
+    They are those of `optimise_waveform`, with the `limits` of the amplifier, and conditions (`scenarios`)
+    for which the drive must also work.
+    """
 
     limits: OutputLimitsSpec | None = None
     scenarios: list[ScenarioSpec] = Field(default_factory=list)
 
     def common(self, given: Given) -> dict[str, Any]:
-        """Return the arguments that all searches for a drive have in common; raise QuantityError for wrong
-        values."""
+        """Return the arguments that all searches for a drive have in common, by name.
+
+        Raises QuantityError for wrong values.
+        """
         return {
             **self.arguments,
             "output": output_stage(self.limits, None, given.folder),

@@ -172,10 +172,10 @@ class _Data(NamedTuple):
 
     level: Level
     measured: xr.Dataset  # frequency response with its standard deviation
-    weighted: xr.Dataset  # the same with the deviations by which the fit is weighted
+    weighted: xr.Dataset  # response with the deviations that weight the fit
     drive: NDArray[np.float64]  # held-out drive: (samples, inputs, realisations)
     steady: NDArray[np.float64]  # measured response to the held-out drive: (samples, outputs, realisations)
-    first: tuple[NDArray[np.float64], NDArray[np.float64]]  # drive and response of the first realisation
+    first: tuple[NDArray[np.float64], NDArray[np.float64]]  # drive and response of realisation 1
 
 
 class _Level(NamedTuple):

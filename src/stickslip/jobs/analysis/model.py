@@ -61,7 +61,10 @@ class NamedModel(Changes):
     model: str
 
     def load_model(self, folder: Path) -> Actuator:
-        """Return the model; raises ParameterSetError, QuantityError."""
+        """Return the model; raises ParameterSetError, QuantityError.
+
+        `folder` is the folder of the input file.
+        """
         return with_changes(named_model(folder, self.model), self.change, self.friction)
 
 
@@ -75,7 +78,10 @@ class ModelOrFit(Changes):
     model: str | None = None
 
     def load_model(self, folder: Path) -> Actuator:
-        """Return the model, linear or rotary; raises AnalysisError, ParameterSetError, QuantityError."""
+        """Return the model, linear or rotary; raises AnalysisError, ParameterSetError, QuantityError.
+
+        `folder` is the folder of the input file.
+        """
         return self.load_model_and_chain(folder)[0]
 
     def load_model_and_chain(self, folder: Path) -> tuple[Actuator, Chain]:

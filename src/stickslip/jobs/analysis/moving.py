@@ -66,7 +66,7 @@ SECOND = "second_position"
 
 
 class PositionSpec(Strict):
-    """The rig's input that measures the end-effector, and the calibrations from its readings to m (rad)."""
+    """Sensor of the position: an input of the rig, and calibrations from its readings to m (rad)."""
 
     input: str = "interferometer"
     calibration: list[str] = Field(default_factory=list)

@@ -200,7 +200,11 @@ class StudyFile(ModelOrFit):
 
 
 def study_of_file(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> Study:
-    """Return the study that a file describes, with changes as for `load_yaml`.
+    """Return the study that a file describes.
+
+    Args:
+        path: path of the file.
+        changes: changes to its content, as for `load_yaml`.
 
     Raises:
         InputFileError: the file is invalid; the message names the file and the field.
@@ -210,7 +214,7 @@ def study_of_file(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> 
         raise InputFileError(f"{path}: kind: a study file has the kind 'study', not {content['kind']!r}")
     try:
         study = StudyFile.model_validate(content).study(Path(path).parent)
-        _ = study.axes  # check the axes here, so that an error names the file
+        _ = study.axes  # computed here, so that the message of an error in it names the file
         return study
     except ValidationError as error:
         raise explain(path, error, content=content) from error

@@ -33,7 +33,10 @@ def features_of(walks: Sequence[Aligned]) -> dict[str, xr.Dataset | str]:
 
 
 def feature_numbers(features: Mapping[str, xr.Dataset | str]) -> dict[str, Any]:
-    """Return the features for results.json: by walk, then by direction."""
+    """Return the result of `features_of` for results.json: by walk, then by direction of motion.
+
+    The entry "none" of a walk without features gives the reason.
+    """
     numbers: dict[str, Any] = {}
     for name, of in features.items():
         if isinstance(of, str):

@@ -46,10 +46,10 @@ T = TypeVar("T")
 
 
 class Kept(NamedTuple):
-    """Store of a campaign's finished stages (steps of its computation) whose inputs have the hash `key`;
-    without a folder nothing is kept.
+    """Store of a campaign's finished stages (steps of its computation).
 
-    `types` are those of a user's own laws, by name.
+    The stages are files in `folder`; if it is None, nothing is stored. `key` is the hash of everything that
+    all stages depend on. `types` are the types of a user's own friction laws, by name.
     """
 
     folder: Path | None = None
@@ -65,8 +65,9 @@ class Kept(NamedTuple):
         folder: Path,
         laws: Sequence[type],
     ) -> Kept:
-        """Return the store of a campaign's finished stages; the folder is created when the first stage is
-        stored.
+        """Return the store of a campaign's finished stages.
+
+        The folder is created when the first stage is stored.
 
         Args:
             file: settings of the campaign.
@@ -91,7 +92,7 @@ class Kept(NamedTuple):
         Args:
             name: name of the stage.
             compute: function that returns the result.
-            settings: settings of this stage alone.
+            settings: settings on which only this stage depends; they are part of its hash.
         """
         if self.folder is None:
             return compute()

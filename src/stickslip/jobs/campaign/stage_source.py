@@ -68,9 +68,9 @@ def stage_heading(file: CampaignFile, found: CampaignResult, source: str) -> str
 
 
 def band_words(file: CampaignFile, found: CampaignResult, *, drawn: bool) -> str:
-    """Return the sources of error that the bands of a figure contain, in words.
+    """Return the sources of error that the prediction bands of a figure contain, as words for its caption.
 
-    `drawn` is True if the bands contain more than the fit's noise.
+    `drawn` is False if the bands contain only the noise of the fit.
     """
     if not drawn:
         return "the fit's noise alone; this law has no derivatives, which the errors of parameters need"
