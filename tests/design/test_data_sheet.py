@@ -218,7 +218,7 @@ def test_the_command_writes_what_design_files_take(tmp_path: Path) -> None:
     assert "leaves open" in done.output
     results = json.loads((out / "results.json").read_text(encoding="utf-8"))
     assert results["numbers"]["reproduced"]["step"]["value"] == pytest.approx(67e-9, rel=0.1)
-    assert "F_C/σ_0 of 0.1 steps" in (out / "report.html").read_text(encoding="utf-8")
+    assert "F_C/σ_0 of a 15th of the stroke" in (out / "report.html").read_text(encoding="utf-8")
     spread = {
         "kind": "design", "title": "t", "model": "model.toml", "uncertainty": "posterior.nc",
         "map": {"drive": {"shape": "Sawtooth", "fields": {"amplitude": "50 V", "frequency": "500 Hz"}},

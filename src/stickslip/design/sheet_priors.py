@@ -4,7 +4,7 @@ r"""Prior of an actuator before its data sheet is used: a value and a factor for
 follows from the tolerance. For others the value follows from printed numbers:
 
 .. math:: C \approx 1.5\,\Delta x / \Delta u, \qquad F_C \approx 2 F_0, \qquad m_e \approx F_C / a_0, \qquad
-          \frac{F_C}{\sigma_0} \approx \frac{\Delta x}{10}, \qquad
+          \frac{F_C}{\sigma_0} \approx \frac{\Delta u\,C}{15}, \qquad
           \sigma_1 \approx 2\zeta_b\sqrt{\sigma_0 m_e}
 
 with a_0 = 5 m/s² and ζ_b = 0.1. These are assumptions, with wide factors, not knowledge. Each parameter of
@@ -35,7 +35,7 @@ DAMPING, OF_DAMPING = 0.15, 3.0  # damping ratio of the stage
 FRICTION_OVER_STALL, OF_FRICTION = 2.0, 2.0
 ACCELERATION, OF_ACCELERATION = 5.0, 3.0  # F_C / m_e, m/s^2
 MASS, OF_MASS = 0.05, 3.0  # moved mass, kg
-PRESLIDING_SHARE, OF_PRESLIDING = 0.1, 3.0  # F_C / sigma_0 over the net step
+PRESLIDING_SHARE, OF_PRESLIDING = 1.0 / 15.0, 3.0  # F_C / sigma_0 over the stroke
 BRISTLE_DAMPING, OF_BRISTLE = 0.1, 3.0
 STAGE_OVER_MOVED, OF_STAGE = 1.0, 3.0  # effective mass of the stage over the moved mass
 VOLTAGE = 100.0  # voltage range, V, that is assumed for a sheet without a voltage
@@ -157,9 +157,9 @@ def expectations(sheet: DataSheet) -> Expectations:
         known["stage_mass"] = Expected(1.0, printed, "stiffness over ω_n²")
     else:
         known["stage_mass"] = Expected(STAGE_OVER_MOVED, OF_STAGE, "as much as the moved mass")
-    known["sigma_0"] = Expected(
-        PRESLIDING_SHARE * step, OF_PRESLIDING, f"F_C/σ_0 of {PRESLIDING_SHARE:g} steps"
-    )
+    # Of the stroke, not of the step: a contact with a long presliding distance makes short steps.
+    stroke = known["gain"].value * (high - low)
+    known["sigma_0"] = Expected(PRESLIDING_SHARE * stroke, OF_PRESLIDING, "F_C/σ_0 of a 15th of the stroke")
     known["sigma_1"] = Expected(
         BRISTLE_DAMPING, OF_BRISTLE, f"damping ratio of the bristle of {BRISTLE_DAMPING:g}"
     )
