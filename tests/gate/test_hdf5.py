@@ -125,14 +125,28 @@ def test_other_packing_than_gzip_is_refused_by_name(tmp_path: Path, name: str | 
         read_recording(path)
 
 
-def test_a_part_that_unpacks_to_more_than_it_declares_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("shuffle", "mask"), [(False, 0), (True, 0), (True, 1)])
+def test_a_part_that_unpacks_to_more_than_it_declares_is_refused(
+    tmp_path: Path, shuffle: bool, mask: int
+) -> None:
+    """Also where the part's mask says that another filter than gzip was not applied to it."""
+    path = tmp_path / "a.mat"
+    with h5py.File(path, "w") as file:
+        file["t"] = TIME
+        x = file.create_dataset("x", (N,), "f8", chunks=(N,), compression="gzip", shuffle=shuffle)
+        x.id.write_direct_chunk((0,), zlib.compress(bytes(100_000_000), 9), filter_mask=mask)
+    with pytest.raises(RecordingError, match=r"a\.mat: a part of '/x' unpacks to more than the 2,400 bytes"):
+        read_recording(path)
+
+
+def test_a_part_stored_without_gzip_is_read(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     with h5py.File(path, "w") as file:
         file["t"] = TIME
         x = file.create_dataset("x", (N,), "f8", chunks=(N,), compression="gzip")
-        x.id.write_direct_chunk((0,), zlib.compress(bytes(100_000_000), 9))
-    with pytest.raises(RecordingError, match=r"a\.mat: a part of '/x' unpacks to more than the 2,400 bytes"):
-        read_recording(path)
+        x.id.write_direct_chunk((0,), (2.0 * TIME).tobytes(), filter_mask=1)
+    found = read_recording(path, columns={"time": "t", "drive_voltage": "x"}, units={"drive_voltage": "V"})
+    np.testing.assert_array_equal(found["drive_voltage"].values, 2.0 * TIME)
 
 
 def test_a_packed_table_of_names_is_refused(tmp_path: Path) -> None:

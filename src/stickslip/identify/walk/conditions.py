@@ -4,7 +4,7 @@ Recordings have attributes for these conditions. Recordings with the same condit
 then all at once. If one set of values explains all, the sum of squares S of the common fit exceeds the sum of
 the separate fits' :math:`S_g` by no more than noise causes. The F-test uses
 
-.. math:: F = \frac{(S - \sum_g S_g) / (k (G - 1))}{\sum_g S_g / n}
+.. math:: F = \frac{(S - \sum_g S_g) / (k (G - 1))}{\sum_g S_g / (n - k G)}
 
 for k values, G conditions and n independent samples, with k (G - 1) and n - k G degrees of freedom. A single
 value changes with the condition if its estimates scatter by more than their uncertainty (Cochran's Q).
@@ -180,7 +180,7 @@ def _chance(together: Fit, fits: Sequence[Fit]) -> float:
     more = k * (len(fits) - 1)
     if left <= 0.0 or freedom <= 0.0:
         return 1.0
-    grown = max(together.cost - left, 0.0) / left * share * together.n_data
+    grown = max(together.cost - left, 0.0) / left * freedom
     return float(scipy.stats.f.sf(grown / more, more, freedom))
 
 
