@@ -145,7 +145,9 @@ def test_a_part_stored_without_gzip_is_read(tmp_path: Path) -> None:
         file["t"] = TIME
         x = file.create_dataset("x", (N,), "f8", chunks=(N,), compression="gzip")
         x.id.write_direct_chunk((0,), (2.0 * TIME).tobytes(), filter_mask=1)
-    found = read_recording(path, columns={"time": "t", "drive_voltage": "x"}, units={"drive_voltage": "V"})
+    found = read_recording(
+        path, columns={"time": "t", "drive_voltage": "x"}, units={"time": "s", "drive_voltage": "V"}
+    )
     np.testing.assert_array_equal(found["drive_voltage"].values, 2.0 * TIME)
 
 
