@@ -115,7 +115,7 @@ def put_in_use(files: Iterable[tuple[str, bytes]]) -> None:
         content = hashlib.sha256(text).hexdigest()
         path = _PLACES.get(content, path)
         if not (Path(path).is_file() and content_hash(path) == content):
-            folder = tempfile.mkdtemp(prefix="stickslip-own-")  # a new private folder
+            folder = tempfile.mkdtemp(prefix="stickslip-own-")  # new and private to this user
             path = str(Path(folder, Path(path).name))
             Path(path).write_bytes(text)
         _PLACES[content] = path

@@ -64,7 +64,7 @@ def file_hash(store: Path, name: str) -> str:
 
 
 def store_seal(group: Mapping[str, Any]) -> str:
-    """Return the seal of a store from the content of its zarr.json; a seal in the content is not counted."""
+    """Return the seal of a store, computed from the content of its zarr.json without a seal in it."""
     attributes = {name: one for name, one in group["attributes"].items() if name != SEAL}
     text = json.dumps({**group, "attributes": attributes}, sort_keys=True)
     return _hash(text.encode())

@@ -25,7 +25,7 @@ class StudyState(NamedTuple):
     computed members by status. `rate` is the number of members per second in the last `LATELY` seconds, NaN
     without two tasks in this time. `left` is the remaining time at this rate, s. `last` is the time of the
     last result (Unix time, s), NaN without results. `damage` describes a damaged finished task, "" for none;
-    only the status of a task is read for this, of its other files only the existence is checked.
+    only the status and the seal of a task are read for this, of its other files the existence is checked.
     """
 
     title: str

@@ -323,7 +323,7 @@ class Store:
         return found, np.frombuffer(data, "<f8").astype(float).reshape(shape)
 
     def stop(self) -> None:
-        """Ask all processes that work on the study, on any machine, to end."""
+        """Ask all processes that run the study, on any machine, to stop, by changing the file `STOP`."""
         if (self.path / STOP).is_symlink():  # a link could lead out of the store
             (self.path / STOP).unlink()
         (self.path / STOP).touch()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .moving import MoveFile
 
 POSITION, DRIVE = "end_effector_position", "drive_voltage"
-RESOLVED = 3.0  # smallest resolved window, in standard deviations of the noise of the averaged position
+RESOLVED = 3.0  # smallest settling window that the sensor resolves, in standard deviations of its noise
 _BEFORE = 0.02  # time that the figure of the approach shows before the last scan phase starts, s
 
 

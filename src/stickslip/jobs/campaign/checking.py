@@ -1,4 +1,4 @@
-"""Check of a campaign file as a whole, before anything is recorded or computed."""
+"""Check of a campaign file: names and parameters, before anything is recorded or computed."""
 
 from __future__ import annotations
 

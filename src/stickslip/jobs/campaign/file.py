@@ -111,7 +111,7 @@ class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", n
 
     @property
     def known_slew_rate(self) -> float | None:
-        """Return the slew rate of the amplifier, V/s; None if unknown."""
+        """Return the slew rate of the amplifier, V/s; None if the file does not state it."""
         return self.slew_rate if math.isfinite(self.slew_rate) else None
 
 

@@ -42,7 +42,10 @@ class Hysteresis(NamedTuple):
 
     @property
     def needed(self) -> bool:
-        """Return True if a stage without hysteresis does not explain the recordings."""
+        """Return True if a stage without hysteresis and creep does not explain the recordings.
+
+        The criterion is the ratio of the residuals, `straight_leaves`.
+        """
         return self.straight_leaves >= self.fit.judgement.lack_ratio
 
     @property
