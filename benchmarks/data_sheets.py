@@ -61,7 +61,7 @@ def numbers_of(truth: Mapping[str, np.ndarray], expected: Expectations) -> dict[
     """
     numbers = {"step": math.nan, "stall_force": MIDDLE["stall_force"]}
     for _ in range(20):
-        sheet = ss.design.DataSheet(**MIDDLE | {"stall_force": numbers["stall_force"]})
+        sheet = ss.design.DataSheet(**{**MIDDLE, "stall_force": numbers["stall_force"]})
         found = Simulated.of(sheet, expected)
         before, numbers = numbers, {n: float(one[0]) for n, one in found.predicted(truth).items()}
         if not all(np.isfinite(one) for one in numbers.values()):

@@ -203,8 +203,8 @@ def _by_given(r: Array, known: KnownNoise, n_fitted: float) -> _Compared | None:
 
 
 def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
-    # Without rest, a slope of the sensor looks like wrong steps: a fit is then not tested, but a prediction
-    # is.
+    # Without rest, a slope of the sensor looks like wrong steps: a fit is then not tested for drift, but a
+    # prediction is.
     if fitted and known.at_rest < FEWEST_AT_REST:
         return None
     n = known.at_rest if known.at_rest >= FEWEST_AT_REST else 0

@@ -79,7 +79,8 @@ class Interlocks:
     def look(self) -> None:
         """Ask the rig's process for the interlock's state and send changes to the pages.
 
-        Without an answer the state stays as it was.
+        If the process does not answer, the state stays as it was. If there is no process, it is read from the
+        interlock's file.
         """
         with self._asking:
             place = self.place

@@ -5,8 +5,8 @@ r"""Electrical and thermal model of a piezo stack: a capacitance with losses, an
           C_\vartheta \dot\vartheta = P - \frac{\vartheta - \vartheta_a}{R_\vartheta}
 
 E is the energy lost in a cycle with the swing U (peak to peak). A data sheet's C and tan(delta) apply to
-small signals; in a cycle of the full field their product is M = 7 to 10 times larger [noliac2026], so current
-and heat from the data sheet alone are wrong by an order of magnitude. In between, the loss tangent is assumed
+small signals; in a cycle of the full field their product is M = 7 to 10 times larger [noliac2026], so the
+heat from the data sheet alone is wrong by an order of magnitude. In between, the loss tangent is assumed
 to grow linearly with the field, as in Rayleigh's law. Mechanical losses and losses in leads and amplifier are
 not included.
 
