@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.cli.frame import _shown
 from stickslip.estimate.systematic import intervals_with_systematics
 from stickslip.identify.saved import load_fit, save_fit
 from stickslip.identify.step.fit import identify_step
@@ -21,6 +20,7 @@ from stickslip.physics.electronics import Filter
 from stickslip.recording import RecordingError, save_recording
 from stickslip.recording.calibration import load_calibration
 from stickslip.report.fits import estimates, parameter_table
+from stickslip.report.text import shown_number
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
@@ -142,5 +142,5 @@ def test_a_scale_is_said_in_a_file(walk, tmp_path) -> None:
 def test_the_terminal_tells_both_intervals(walk) -> None:
     fit = identify_friction(scaled(walk, 1.0), MODEL, HOMOGENEOUS, **QUICK)
     assert re.search(
-        r"\(95 %: .* to .*; with systematic errors: .* to .*\)", _shown(estimates(fit)["coulomb_force"])
+        r"\[.*, .*\] \(95 %; with systematic errors .* to .*\)", shown_number(estimates(fit)["coulomb_force"])
     )
