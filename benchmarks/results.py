@@ -38,9 +38,14 @@ def commit() -> str:
 
 def made() -> str:
     """Return the line of a page that states when, where and at which commit its numbers were made."""
-    where = ", ".join(machine().split(", ")[:2])
-    at = f", commit {commit()}" if commit() else ""
-    return f"<sub>{datetime.now(UTC):%Y-%m-%d}, {where}{at}.</sub>"
+    return provenance(f"{datetime.now(UTC):%Y-%m-%d}", machine(), commit())
+
+
+def provenance(day: str, where: str, at: str, *more: str) -> str:
+    """Return the small line below numbers: the day, the machine (processor and cores, the first two parts of
+    `where`), the commit ("" if it is not known), and `more`."""
+    parts = [day, *where.split(", ")[:2], *([f"commit {at}"] if at else []), *more]
+    return f"<sub>{', '.join(parts)}.</sub>"
 
 
 def write_page(file: Path, text: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from .equal_error import cost_at
 from .problems import MEMBERS
+from .results import provenance
 
 Row = dict[str, Any]
 
@@ -39,9 +40,8 @@ trajectories refer to an independent solution at a relative tolerance of 1e-13. 
 
 
 def _where(found: dict[str, Any]) -> str:
-    machine = ", ".join(found["machine"].split(", ")[:2])
-    at = f", commit {found['commit']}" if found.get("commit") else ""
-    return f"<sub>{found['made'][:10]}, {machine}{at}, load {found['load_average']:.1f}.</sub>"
+    load = f"load {found['load_average']:.1f}"
+    return provenance(found["made"][:10], found["machine"], found.get("commit", ""), load)
 
 
 def _not_run(rows: Iterable[Row]) -> list[str]:

@@ -296,11 +296,10 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
     if document.interrupted:
         typer.echo("; ".join(document.failures), err=True)
         raise KeyboardInterrupt
-    *others, last = [f"not as required: {one}" for one in document.failures] or [""]
-    for one in others:
-        typer.echo(f"Error: {_in_one_line(one)}", err=True)
-    if last:
-        raise RequirementError(last)
+    for failure in document.failures[:-1]:
+        typer.echo(f"Error: not as required: {_in_one_line(failure)}", err=True)
+    if document.failures:
+        raise RequirementError(f"not as required: {document.failures[-1]}")
 
 
 def _version(asked: bool) -> None:

@@ -78,7 +78,7 @@ def fields(rotary: bool) -> list[dict[str, Any]]:
     """Return the page's input fields for linear or rotary actuators, each with its initial value as `starts`.
 
     A field with a slider also has the slider's range (see `sliders.shown`); one without has only name, unit
-    and meaning. `starts` is None for a limit that is not set.
+    and meaning. `starts` is None for a limit that is not set. `output` is True for a field of `OutputLimits`.
     """
     given = []
     for name, of in _FIELDS.items():
@@ -88,7 +88,7 @@ def fields(rotary: bool) -> list[dict[str, Any]]:
         else:
             starts = KNOTS if name == "knots" else None
             given.append({"name": name, "unit": of.unit, "meaning": of.meaning, "starts": starts})
-    return given
+    return [one | {"output": one["name"] in _LIMITS} for one in given]
 
 
 def _checked(model: Actuator, name: str, value: Any) -> float:
@@ -160,7 +160,7 @@ class DriveSearch(MapRequest):
 
     spread: Value = 0.0
     knots: Value = KNOTS
-    output: OutputLimits = Field(default_factory=lambda: OutputLimits())
+    output: OutputLimits = Field(default_factory=OutputLimits)
 
     def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
         """Return the actuator and the keyword arguments that all searches of `design` for a drive share."""

@@ -33,7 +33,7 @@ from ...simulation.varied import NORMAL_FIELDS, with_normal_force, with_values
 from ..free import parameter
 from .displacement import has_slopes
 from .position_channel import CHANNEL
-from .reaction import CLEAR, difference, with_reaction
+from .reaction import CLEAR, difference, other_reaction, with_reaction
 from .several import from_points
 from .terms import NO_REACTION, REACTION, RIPPLE, STAGE, Term, Way, bounds_about, terms_of
 from .walks import DIFFERENCE_STEP, Walks, own_values
@@ -201,11 +201,10 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
 def _without_reaction(fit: Fit, walks: Walks, afar: Afar) -> Fit | None:
     """Return the fit of the model without the reaction of friction on the stage, from distant initial
     guesses; None if the model has no reaction, or cannot be fitted without it."""
-    model = walks.model
-    if not model.stage_reaction or model.static or model.clamped:
+    other = other_reaction(fit, walks, reacts=False)
+    if other is None:
         return None
-    own = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
-    unmoved = replace(walks, model=model.replace(stage_reaction=False))
+    unmoved, own = other
     try:
         return unmoved.completed(afar(unmoved, own, {}))
     except (FitError, QuantityError, ArithmeticError):

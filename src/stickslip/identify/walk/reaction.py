@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...estimate.lack import independent_samples
+from ...estimate.parameter import Parameter
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from .walks import NEAR, Walks
@@ -29,19 +30,28 @@ def with_reaction(fit: Fit, walks: Walks, max_evaluations: int) -> Fit | None:
     """Return the fit of the same parameters with the reaction of friction on the stage, starting at the
     values of `fit`; None if the model has the reaction already, has no dynamic stage that can move, or cannot
     be fitted with it."""
-    model = walks.model
-    if model.stage_reaction or model.static or model.clamped:
+    other = other_reaction(fit, walks, reacts=True)
+    if other is None:
         return None
-    # power = 0: the search uses logarithms of the values, with which more searches from distant values
-    # converge than with the powers that straighten minima. It is not stopped early, because a model that is
-    # far worse after a few evaluations may end better.
-    start = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
-    reacting = replace(walks, model=model.replace(stage_reaction=True))
+    # The search is not stopped early: a model that is far worse after a few evaluations may end better.
+    reacting, start = other
     tolerance = SLOW / fit.degrees_of_freedom
     try:
         return reacting.searched(start, max_evaluations=max_evaluations, settled=NEAR, tolerance=tolerance)
     except FitError:
         return None
+
+
+def other_reaction(fit: Fit, walks: Walks, reacts: bool) -> tuple[Walks, list[Parameter]] | None:
+    """Return the walks for a model with (`reacts`) or without the reaction, and its parameters at the values
+    of `fit`; None if the model is such a one already, or has no dynamic stage that can move."""
+    model = walks.model
+    if model.stage_reaction == reacts or model.static or model.clamped:
+        return None
+    # power = 0: the search uses logarithms of the values, with which more searches from distant values
+    # converge than with the powers that straighten minima.
+    start = [p.starting_at(fit.values[p.name])._replace(power=0) for p in fit.parameters]
+    return replace(walks, model=model.replace(stage_reaction=reacts)), start
 
 
 def with_reaction_asked(fit: Fit, other: Fit | None) -> Fit:

@@ -31,10 +31,9 @@ export async function mount(element, app) {
     const { set, model, law, friction } = wire(begin(choices, kept.set));
     return { set, model, law, friction, load: kept.values.load };
   };
-  const LIMITS = ["capacitance", "update_rate", "points", "step", "current", "slew_rate"];
   const search = () => {
     const { voltage, spread, knots } = kept.values;
-    return { ...asked(), voltage, spread, knots: knots ?? undefined, output: Object.fromEntries(LIMITS.map((name) => [name, kept.values[name]])) };
+    return { ...asked(), voltage, spread, knots: knots ?? undefined, output: Object.fromEntries(fields[kept.unit].filter((field) => field.output).map(({ name }) => [name, kept.values[name]])) };
   };
 
   // --- frame
