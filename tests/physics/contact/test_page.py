@@ -88,7 +88,7 @@ def test_friction_over_the_load_as_measured() -> None:
         assert f"{b[1]:.3f} [{b[1] - half:.3f}, {b[1] + half:.3f}]" in PAGE
     middle = (load > 1.3) & (load < 4.3)
     ratio = float(np.mean(force[middle] / load[middle]))
-    assert f"μ {ratio:.3f} at" in PAGE
+    assert f"μ = {ratio:.3f} at" in PAGE
     steel = load_pair("steel-steel")
     off = np.log(ratio / steel.friction.friction_coefficient) / np.log(steel.friction.friction_factor)
     assert f"{off:.1f} standard deviations off" in PAGE
@@ -99,7 +99,7 @@ def test_stiffness_as_measured_is_that_of_the_rig() -> None:
     assert np.ptp(part["normal_force"].values) < 0.011
     found = of_loop(part["position"].values, part["friction_force"].values)
     stiffness = sum(found.law.stiffness)
-    assert f"Measured are {stiffness / 1e3:.0f} kN/m" in PAGE
+    assert f"The loops have {stiffness / 1e3:.0f} kN/m" in PAGE
     assert sum(found.law.strength) == pytest.approx(0.457 * 5.0, rel=0.03)
     prior = ball_prior(load_pair("steel-steel"), "5 N", "5 mm")
     assert f"{prior.known['sigma_0'].value / 1e6:.0f} MN/m" in PAGE
