@@ -11,20 +11,20 @@ from ..quantities.units import with_prefix
 
 
 class Advice(NamedTuple):
-    """A term that the model lacks, and how to add it.
+    """Missing term of a model, and how to add it.
 
     Attributes:
-        cause: missing term, such as "viscous friction"; empty if no tried term helps.
+        cause: missing term, such as "viscous friction"; "" if no tried term helps.
         explains: True if the recordings show no lack of fit with the term.
-        before, after: residual without and with the term: the greatest ratio to the noise or, with a `unit`,
-            the root mean square.
-        free: names of all free parameters including the term's; `added` are the new ones.
-        bounds: lower and upper bound of each added parameter that needs bounds, in SI.
-        change: fields of the actuator to change.
-        untied: parameters whose tie must be removed.
-        values: estimates with the term, in SI.
-        shown: the added values as text.
-        tried: causes that were fitted; `seconds`: CPU time spent; `stopped`: True if its limit ended the
+        before, after: residual without and with the term: the rms residual in `unit` or, if `unit` is "", the
+            greatest ratio of a recording's residual to its noise.
+        free: names of all free parameters with the term; `added` are the new ones among them.
+        bounds: lower and upper bound in SI of each added parameter that needs bounds, by name.
+        change: new value of each field of the actuator that must change, by the field's name.
+        untied: names of the parameters whose tie must be removed.
+        values: estimates of parameters in the fit with the term, in SI, by name.
+        shown: estimates of the added parameters as text with units.
+        tried: terms that were fitted; `seconds`: CPU time spent; `stopped`: True if a time limit ended the
             search.
         equal: advice on other terms that describe the recordings equally well within the noise.
     """
@@ -78,7 +78,8 @@ class Advice(NamedTuple):
         return f"{self.line} in the file, or {self.argument} in Python"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return every field, ready for JSON, with the setting that adds the term."""
+        """Return a dictionary for JSON: every field by its name, and the texts `sentence`, `line` and
+        `argument`."""
         found = {k: dict(v) if isinstance(v, Mapping) else v for k, v in self._asdict().items()}
         found["equal"] = [one.to_dict() for one in self.equal]
         return {**found, "sentence": self.sentence, "line": self.line, "argument": self.argument}
@@ -89,7 +90,8 @@ class Advice(NamedTuple):
 
     @property
     def line(self) -> str:
-        """Return the line for a campaign or identification file that adds the term."""
+        """Return the settings that add the term to a campaign or identification file, as YAML in backquotes:
+        "`free: [...]` and `bounds: {...}`"."""
         said = [f"`free: [{', '.join(self.free)}]`"] if self.added else []
         if self.bounds:
             limits = ", ".join(f"{name}: [{low!r}, {high!r}]" for name, (low, high) in self.bounds.items())
@@ -100,7 +102,8 @@ class Advice(NamedTuple):
 
     @property
     def argument(self) -> str:
-        """Return the arguments of `identify_friction` that add the term."""
+        """Return the arguments of `identify_friction` that add the term, as Python text such as "free=[...],
+        bounds={...}"."""
         said = [f"model.replace({', '.join(f'{k}={v!r}' for k, v in self.change.items())})"] * bool(
             self.change
         )

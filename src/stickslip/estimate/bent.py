@@ -20,23 +20,27 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Degrees of freedom of Student's t. Its tails exceed the tails of any posterior of Gaussian noise.
+# Degrees of freedom of Student's t, with which residuals are drawn. Its tails are heavier than those of a
+# posterior under Gaussian noise.
 FREEDOM = 7.0
-# WIDER: factor on the fitted standard deviations of the residuals. FAR_SHARE: share of the drawn points whose
-# residuals are multiplied by FAR as well, for tails of the posterior that are longer on one side.
+# A proposal must be wider than the posterior. WIDER: factor on all fitted standard deviations of the
+# residuals. FAR_SHARE: share of the drawn points whose residuals are multiplied by FAR in addition, for a
+# posterior with a longer tail on one side.
 WIDER, FAR_SHARE, FAR = 1.1, 0.15, 2.0
-# HELD_BACK: weight, in number of points, of a ridge penalty on the second-order terms. FEWEST: smallest
-# effective number of weighted points at which a polynomial is fitted; with fewer, only a constant.
+# HELD_BACK: strength of the ridge penalty on the second-order coefficients, which counts as so many points
+# with a coefficient of zero. FEWEST: effective number of weighted points above which a second-order
+# polynomial is fitted; with fewer points, only a constant is fitted.
 HELD_BACK, FEWEST = 3.0, 60.0
-# Smallest share of a component that stays in a mixture.
+# Smallest share of a component that remains in a mixture.
 LEAST_SHARE = 1e-3
 
 
 class Bent(NamedTuple):
-    """One component of a mixture: a distribution along a curved minimum.
+    """Component of a mixture: a distribution along a curved minimum.
 
-    Fields: `centre` [k]; `axes` as rows [k, k]; `coefficients` of each coordinate's polynomial in the
-    previous coordinates; `left`: standard deviations of the residuals [k].
+    A point is ``centre + z @ axes``. Fields: `centre` [k]; `axes` as rows [k, k], which need not have length
+    1; `coefficients`: for each coordinate z_i, those of its polynomial in the previous coordinates, in the
+    order of `_terms` (a single constant is allowed); `left`: scales of the t residuals of z [k].
     """
 
     centre: Array
@@ -45,7 +49,8 @@ class Bent(NamedTuple):
     left: Array
 
     def drawn(self, count: int, random: np.random.Generator) -> Array:
-        """Return random points, shape (count, k)."""
+        """Return `count` random points of the component, shape (count, k), drawn with the generator
+        `random`."""
         k = self.centre.size
         t = random.standard_normal((count, k)) / np.sqrt(random.chisquare(FREEDOM, (count, 1)) / FREEDOM)
         t *= np.where(random.random((count, 1)) < FAR_SHARE, FAR, 1.0)
@@ -55,7 +60,7 @@ class Bent(NamedTuple):
         return self.centre + z @ self.axes
 
     def log_density(self, points: Array) -> Array:
-        """Return the log density at points [n, k], shape (n,)."""
+        """Return the natural logarithm of the component's normalised density at points [n, k], shape (n,)."""
         k, z = self.centre.size, _along(self.axes, points - self.centre)
         squared = np.zeros(len(points))
         for i, c in enumerate(self.coefficients):
@@ -79,29 +84,32 @@ class Bent(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """Mixture of several components (`Bent`), with the share of each, [parts]."""
+    """Mixture of distributions: the components `parts` (each a `Bent`), and their `shares`, shape (parts,),
+    whose sum is 1."""
 
     shares: Array
     parts: tuple[Bent, ...]
 
     def drawn(self, count: int, random: np.random.Generator) -> Array:
-        """Return random points, shape (count, k), in random order."""
+        """Return `count` random points of the mixture, shape (count, k), in random order, drawn with the
+        generator `random`."""
         counts = random.multinomial(count, self.shares)
         points = [part.drawn(int(n), random) for part, n in zip(self.parts, counts, strict=True)]
         return random.permutation(np.concatenate(points))
 
     def log_parts(self, points: Array) -> Array:
-        """Return the log density of each component times its share, [parts, n]."""
+        """Return the natural logarithm of each component's density multiplied by its share, at points [n, k];
+        shape (parts, n)."""
         shares = np.log(self.shares)
         return np.array([s + part.log_density(points) for s, part in zip(shares, self.parts, strict=True)])
 
     def log_density(self, points: Array) -> Array:
-        """Return the log density at points [n, k], shape (n,)."""
+        """Return the natural logarithm of the mixture's normalised density at points [n, k], shape (n,)."""
         return np.asarray(scipy.special.logsumexp(self.log_parts(points), axis=0))
 
     def fitted(self, points: Array, weights: Array) -> Mixture:
         """Return the mixture fitted again to points [n, k] with weights [n] whose sum is 1, by one step of
-        expectation maximisation. Components with a negligible share are dropped."""
+        expectation maximisation. Components with a share below `LEAST_SHARE` are dropped."""
         parts = self.log_parts(points)
         each = weights * np.exp(parts - np.asarray(scipy.special.logsumexp(parts, axis=0)))
         shares = each.sum(axis=1)
@@ -111,8 +119,8 @@ class Mixture(NamedTuple):
 
 
 def straight(centres: Sequence[Array], covariances: Sequence[Array]) -> Mixture:
-    """Return a mixture with equal shares of one t distribution about each centre [k], without curvature; its
-    axes are the principal axes of the covariance [k, k]."""
+    """Return a mixture of t distributions without curvature and with equal shares, one about each centre [k];
+    its axes are the principal axes of the covariance [k, k] with the same index."""
     parts = []
     for centre, covariance in zip(centres, covariances, strict=True):
         ones = np.ones(centre.size)
@@ -123,7 +131,8 @@ def straight(centres: Sequence[Array], covariances: Sequence[Array]) -> Mixture:
 def bent(points: Array, weights: Array) -> Bent:
     """Return a component fitted to points [n, k] with weights [n] whose sum is 1.
 
-    Its axes are the coordinate axes or the principal axes, whichever give the smaller volume.
+    The axes of the component are the coordinate axes or the principal axes, whichever give the smaller
+    volume.
     """
     away = points - weights @ points
     covariance = (away.T * weights) @ away
@@ -133,8 +142,11 @@ def bent(points: Array, weights: Array) -> Bent:
 
 
 def _in_axes(points: Array, weights: Array, axes: Array) -> Bent:
-    """Return a component along axes [k, k] (rows), fitted to points [n, k] with weights [n]. The coordinates
-    are ordered so that the others explain the last one best, and so on down to the first."""
+    """Return a component along axes [k, k] (rows), fitted to points [n, k] with weights [n] whose sum is 1.
+
+    The axes are reordered, because each coordinate may depend on the previous ones only: the last coordinate
+    is the one with the smallest residual as a polynomial of all others, and so on down to the first.
+    """
     centre = weights @ points
     z = _along(axes, points - centre)
     before, order = list(range(centre.size)), []
@@ -142,21 +154,21 @@ def _in_axes(points: Array, weights: Array, axes: Array) -> Bent:
         left_of = {i: _explained(z[:, [j for j in before if j != i]], z[:, i], weights)[1] for i in before}
         order.insert(0, min(before, key=left_of.__getitem__))
         before.remove(order[0])
-    # Fit again, with the previous coordinates in this order.
+    # Fit each coordinate again, now as a polynomial of the coordinates before it in the chosen order.
     found = [_explained(z[:, order[:n]], z[:, i], weights) for n, i in enumerate(order)]
     left = WIDER * np.array([rest for _, rest in found])
     return Bent(centre, axes[order], tuple(c for c, _ in found), left)
 
 
 def _along(axes: Array, away: Array) -> Array:
-    """Return the coordinates [n, k], along axes [k, k] (rows), of points given as distances [n, k] from the
-    origin of the axes."""
+    """Return the coordinates z [n, k] of points given as differences [n, k] from the centre, so that ``away =
+    z @ axes``; the rows of `axes` are the axes."""
     return np.asarray(np.linalg.solve(axes.T, away.T).T, dtype=np.float64)
 
 
 def _principal(covariance: Array) -> Array:
-    """Return the principal axes of a covariance, scaled by their standard deviations, as rows [k, k]; none
-    has length zero."""
+    """Return the principal axes of a covariance [k, k] as rows [k, k]. The length of an axis is the standard
+    deviation along it, or a tiny positive number instead of 0."""
     scale = np.sqrt(np.diag(covariance))
     scale = np.where(scale > 0.0, scale, np.finfo(float).tiny ** 0.5)
     variances, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -178,8 +190,8 @@ def _explained(others: Array, z: Array, weights: Array) -> tuple[Array, float]:
 
 
 def _terms(z: Array, size: int) -> Array:
-    """Return the first `size` terms of a second-order polynomial at points z: 1, each coordinate, each
-    product of two; shape (n, size)."""
+    """Return the first `size` terms of a second-order polynomial at points z [n, i], shape (n, size): 1, then
+    each coordinate, then each product of two coordinates (squares included)."""
     columns = [np.ones(len(z)), *z.T]
     pairs = itertools.combinations_with_replacement(range(z.shape[1]), 2)
     columns += [z[:, a] * z[:, b] for a, b in pairs] if size > len(columns) else []

@@ -16,21 +16,22 @@ if TYPE_CHECKING:
 
 # CPU time, in s, after which the searches end if the model explains little of the motion.
 SECONDS = 30.0
-# A model explains little if the explained share of the recordings' variance beyond the noise is smaller than
-# this. After the first short searches, even wrong friction laws explain more.
+# Largest `explained` share at which a model counts as explaining little. After the first short searches, even
+# wrong friction laws explain more.
 LITTLE = 0.8
-# Fewest evaluations before the budget can end a search, so that a slow machine does not stop it at once.
+# Fewest evaluations of the model before the budget can end a search, so that a slow machine does not stop a
+# search at once.
 FEWEST = 60
 
 
 @dataclass
 class EvaluationBudget:
-    """Computing budget that all searches of one identification share.
+    """CPU budget that all searches of one identification share; the clock starts with the first evaluation.
 
     Attributes:
-        total: weighted sum of squares of the recordings about their means.
+        total: sum of squares of the recordings about their means, divided by the squared `unit` of `of`.
         noise: part of `total` that is white noise.
-        over: True if the budget is spent.
+        over: True once the budget is spent.
     """
 
     total: float
@@ -44,12 +45,12 @@ class EvaluationBudget:
     def of(
         cls, measured: Sequence[NDArray[np.float64]], white: Sequence[float], unit: float = 1.0
     ) -> EvaluationBudget:
-        """Return the budget for recordings.
+        """Return the unspent budget for recordings.
 
         Args:
             measured: measured values [n] of each recording.
-            white: standard deviation of the white noise of each recording.
-            unit: standard deviation that residuals are weighted by.
+            white: standard deviation of the white noise of each recording, in the unit of the data.
+            unit: standard deviation by which the searches divide all residuals, in the unit of the data.
         """
         total = sum(float(np.var(x)) * x.size for x in measured)
         noise = sum(sigma**2 * x.size for sigma, x in zip(white, measured, strict=True))
@@ -57,15 +58,20 @@ class EvaluationBudget:
 
     @property
     def explained(self) -> float:
-        """Return the share of the motion above its noise that the best model explains."""
+        """Return the share, 0 to 1, of the motion's sum of squares beyond its noise that the best model so
+        far explains; 1 if there is only noise."""
         left = max(self._lowest - self.noise, 0.0)
         return max(1.0 - left / (self.total - self.noise), 0.0) if self.total > self.noise else 1.0
 
     def spend(self, cost: float) -> bool:
         """Count an evaluation of the model; return True if the budget is spent.
 
+        The budget is spent after `SECONDS` of this thread's CPU time and `FEWEST` evaluations, if `explained`
+        is below `LITTLE`.
+
         Args:
-            cost: lowest weighted sum of squares of this search.
+            cost: lowest weighted sum of squares of this search so far; a higher one than in an earlier search
+                is ignored.
         """
         self._evaluations += 1
         self._lowest = min(self._lowest, cost)
@@ -76,13 +82,13 @@ class EvaluationBudget:
         return self.over
 
     def told(self, fit: Fit) -> Fit:
-        """Return the fit marked as not converged, with the reason, if the budget was spent; otherwise the fit
-        itself."""
+        """Return a copy of the fit that is marked as not converged, with the reason as its message, if the
+        budget was spent; otherwise the fit itself."""
         return replace(fit, converged=False, message=self.said) if self.over else fit
 
     @property
     def said(self) -> str:
-        """Return a sentence on a search that ended early."""
+        """Return the sentence that explains why a search ended early, with the explained share in percent."""
         share = f"{100.0 * self.explained:.2g} %"
         return (
             f"stopped after {SECONDS:g} s of CPU, because the model explains only {share}"

@@ -32,8 +32,9 @@ Array = NDArray[np.float64]
 class Coloured(NamedTuple):
     """Noise model of one channel.
 
-    Fields: autocovariance [lags] of the stationary part, in the squared unit of the data, 0 at longer lags;
-    and the variance that the random walk gains from sample to sample.
+    Fields: `autocovariance` [lags] of the stationary part, in the squared unit of the data, from lag 0 on and
+    zero at all longer lags; `walk`: variance that a random walk gains from sample to sample, in the same
+    unit.
     """
 
     autocovariance: Array
@@ -45,9 +46,9 @@ def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Arr
     residuals.
 
     The filter solves the Yule-Walker equations for the autocovariance of all pieces (arrays of residuals).
-    Schwarz's criterion [schwarz1978] chooses its order p, up to `most` and a quarter of the shortest piece.
-    Akaike's would take an order above 0 for white noise in one case of four, at any length, and then describe
-    the dips that the fit itself has made in the spectrum.
+    Schwarz's criterion [schwarz1978] chooses the order p, at most `most` and a quarter of the shortest piece.
+    Akaike's criterion would choose an order above 0 for white noise in one case of four, at any length, and
+    then describe the dips that the fit itself has made in the spectrum.
     """
     size = sum(r.size for r in pieces)
     most = min(most, min(r.size for r in pieces) // 4)
@@ -58,7 +59,8 @@ def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Arr
     if variance <= 0.0:
         return best, 0.0
     lowest, left, a = size * math.log(variance), variance, np.zeros(0)
-    for order in range(1, most + 1):  # Levinson's recursion: each order from the previous one
+    # Levinson's recursion gives the filter of each order from the filter of the previous order.
+    for order in range(1, most + 1):
         reflection = (covariance[order] - float(a @ covariance[order - 1 : 0 : -1])) / left
         a = np.append(a - reflection * a[::-1], reflection)
         left *= 1.0 - reflection**2
@@ -71,21 +73,21 @@ def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Arr
 
 
 def noise_of(fit: Fit) -> Coloured:
-    """Return the noise model that the residuals of a fit show, without clock jitter.
+    """Return the noise model (`Coloured`) of the residuals of a fit, after their clock jitter is removed.
 
-    Its drift is at least the known drift of the recordings, because a short recording does not show a drift
-    smaller than its noise.
+    The random walk is at least the largest known drift of the recordings, because a short recording does not
+    show a drift smaller than its noise.
     """
     found = coloured([one.narrowed(r) for one, r in zip(fit.jitter, fit.residuals, strict=True)], walks=True)
     return found._replace(walk=max([found.walk, *(known.drift for known in fit.known)]))
 
 
 def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
-    """Return the noise model that residuals show.
+    """Return the noise model (`Coloured`) that describes residuals.
 
     Args:
         pieces: residuals of each recording, shape (n,), evenly sampled.
-        walks: include a random walk. Slowly changing model error counts as one.
+        walks: True to include a random walk, for which slowly changing model error is also taken.
     """
     filter, variance, steps = filter_and_walk(pieces, walks)
     if filter.size == 1:
@@ -126,7 +128,7 @@ def filter_and_walk(pieces: Sequence[Array], walks: bool = True) -> tuple[Array,
         beside = autoregression(left)
         level = walk * float(np.mean(np.concatenate(left) ** 2))
         # Autoregressive noise and a random walk resemble each other, so Schwarz's criterion decides whether
-        # the random walk is included.
+        # the model of the noise includes the random walk.
         if _criterion(pieces, *beside, level) < _criterion(pieces, *found):
             found, steps = beside, level
     return *found, steps
@@ -175,15 +177,15 @@ def _walk(pieces: Sequence[Array]) -> float:
     best: Any = scipy.optimize.minimize_scalar(
         lambda x: found(x)[0], bounds=range_, method="bounded", options={"xatol": 0.05}
     )
-    # A variance cannot be negative, so white noise exceeds this 90 % quantile of chi-squared in 5 % of all
-    # cases.
+    # A random walk must raise twice the log-likelihood by more than 2.7, the 90 % quantile of chi-squared. A
+    # variance cannot be negative, so white noise reaches this in only 5 % of all cases.
     return math.exp(best.x) if found(range_[0])[0] - best.fun > 2.7 else 0.0
 
 
 def _without_walk(r: Array, ratio: float) -> Array:
-    """Return the residuals r without their most likely random walk; `ratio` is the variance of its increments
-    over that of the white noise."""
-    # Solves (1/ratio) D'D x + x = r, where D takes differences.
+    """Return the residuals r [n] minus their most likely random walk; `ratio` is the variance of the walk's
+    steps divided by the variance of the white noise."""
+    # The random walk x solves (1/ratio) D'D x + x = r, where D takes differences of neighbouring samples.
     band = np.full((2, r.size), -1.0 / ratio)
     band[0] = 1.0 + 2.0 / ratio
     band[0, [0, -1]] = 1.0 + 1.0 / ratio
@@ -206,20 +208,23 @@ def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:
 
 
 def with_own_noise(fit: Fit) -> Fit:
-    """Return the fit with the covariance that follows from the noise of its residuals; see
-    `with_coloured_noise`."""
+    """Return a copy of the fit whose covariance allows for the autocorrelated noise that its own residuals
+    show; see `with_coloured_noise`."""
     return with_coloured_noise(fit, noise_of(fit))
 
 
 def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
-    """Return the fit with the covariance that follows from the noise in its residuals.
+    """Return a copy of the fit whose covariance and other minima allow for autocorrelated noise, with
+    `correlated` set.
 
-    A value at a bound does not narrow the other intervals: their covariance is the one without the bound.
+    The covariance of the other parameters is the one without bounds: a value at its bound does not narrow
+    their intervals.
 
     Args:
-        fit: least-squares fit.
-        noise: noise of its recordings.
-        known: number of entries at the end of `fit.recordings` that are priors, not recordings.
+        fit: least-squares fit with its Jacobian.
+        noise: noise model that all recordings share, in the unit of the data.
+        known: number of entries at the end of `fit.recordings` that are priors, not recordings; their noise
+            is taken as white.
     """
     assert fit.jacobian is not None
     in_time = len(fit.recordings) - known
@@ -229,8 +234,8 @@ def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
     of_data, of_priors = np.split(directions, [count])
     wide = np.concatenate([one.widening for one in fit.jitter[:in_time]]) / noise_of_data(fit)[:count]
     power = scores(np.split(of_data * wide[:, None], ends), noise)
-    # Residuals are smaller than the noise, because the fit adapts to it; this factor is exact for white
-    # noise.
+    # The residuals are smaller than the noise, because the fit follows the noise in part. For white noise,
+    # the ratio of the number of data to the degrees of freedom corrects their variance exactly.
     power *= fit.n_data / fit.degrees_of_freedom
     spread = root @ (power + of_priors.T @ of_priors) @ root.T
     spread[lost, :] = spread[:, lost] = 0.0
@@ -248,9 +253,12 @@ def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
 
 
 def _of_coloured(fit: Fit, spread: Array) -> tuple[Minimum, ...]:
-    """Return the other minima of a fit for coloured noise: with variances increased by the same factors as
-    those of the lowest minimum, whose new covariance is `spread` [k, k], and with excesses of chi-squared
-    divided by the median factor."""
+    """Return the other minima of a fit, changed from white to autocorrelated noise.
+
+    The variances of each minimum grow by the same factors (at least 1) as those of the lowest minimum, whose
+    new covariance is `spread` [k, k]. The excess of chi-squared of each minimum is divided by the median of
+    these factors.
+    """
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.diag(spread) / np.diag(fit.uncertainty.covariance)
     ratio = np.where(np.isfinite(ratio), np.maximum(ratio, 1.0), 1.0)
@@ -265,11 +273,13 @@ def _of_coloured(fit: Fit, spread: Array) -> tuple[Minimum, ...]:
 
 
 def with_inherited(fit: Fit, jacobian: Array, covariance: Array) -> Fit:
-    """Return the fit with the added uncertainty of quantities that it took as known.
+    """Return a copy of the fit whose covariance includes the uncertainty of quantities that the fit took as
+    known.
 
     Args:
-        fit: least-squares fit.
-        jacobian: derivatives of its residuals by those quantities, shape (n, m).
+        fit: least-squares fit with its Jacobian.
+        jacobian: derivatives of the fit's residuals by those quantities, in the unit of the data, shape (n,
+            m).
         covariance: covariance of those quantities, shape (m, m).
     """
     moved = moves(fit, jacobian)
@@ -280,8 +290,11 @@ def with_inherited(fit: Fit, jacobian: Array, covariance: Array) -> Fit:
 
 
 def inflation(fit: Fit, place: int) -> float:
-    """Return the factor, at least 1, by which coloured noise increases the variance of parameter number
-    `place`, compared with white noise; 1 if the fit assumes white noise or the parameter is at a bound."""
+    """Return the factor, at least 1, by which autocorrelated noise increases the variance of the parameter
+    with the index `place` in `fit.parameters`, compared with white noise.
+
+    The factor is 1 if the fit assumes white noise or has no Jacobian, or if the parameter is at a bound.
+    """
     if fit.jacobian is None or not fit.correlated or fit.uncertainty.bounded[place]:
         return 1.0
     j = tangent(fit)

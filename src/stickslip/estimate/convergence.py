@@ -12,7 +12,7 @@ def relative_offset(
     jacobian: NDArray[np.float64], residuals: NDArray[np.float64], variance: float | None = None
 ) -> float:
     r"""Return the length of the next Gauss-Newton step relative to the radius of the confidence region
-    [bates1981].
+    [bates1981]; infinite if the Jacobian is not finite.
 
     .. math:: \sqrt{\frac{|P r|^2 / k}{|r - P r|^2 / (n - k)}}, \qquad P = J (J^T J)^+ J^T
 
@@ -20,10 +20,10 @@ def relative_offset(
     determined values.
 
     Args:
-        jacobian: d residuals / d coordinates, shape (n, k), n > k.
-        residuals: divided by their noise, shape (n,).
-        variance: variance of the weighted residuals; by default it is estimated from the part of the
-            residuals that no step explains.
+        jacobian: J, derivatives of the weighted residuals by the coordinates, shape (n, k), n > k.
+        residuals: r, weighted residuals (divided by their noise), shape (n,).
+        variance: variance of the weighted residuals; None: estimated from the part of the residuals that no
+            step explains, as in the formula.
     """
     gram = jacobian.T @ jacobian
     if not np.all(np.isfinite(gram)):

@@ -14,7 +14,8 @@ import scipy
 
 Loss = Callable[[np.ndarray], np.ndarray]
 
-# rho(z), rho', rho'' of the squared scaled residual z, shape (3, n), as SciPy's least_squares defines them.
+# Each loss maps the squared scaled residual z [n] to rho(z), rho'(z) and rho''(z), shape (3, n), as SciPy's
+# least_squares defines them.
 LOSSES: dict[str, Loss] = {
     "linear": lambda z: np.stack([z, np.ones_like(z), np.zeros_like(z)]),
     "soft_l1": lambda z: np.stack([2 * (np.sqrt(1 + z) - 1), (1 + z) ** -0.5, -0.5 * (1 + z) ** -1.5]),
@@ -35,9 +36,11 @@ class NoiseLevel(NamedTuple):
 
     Attributes:
         degrees_of_freedom: number of data minus number of parameters.
-        known: True if the variance is 1; otherwise it is estimated.
-        loss: loss function of the fit, with its `scale`.
-        correlated: lengths of the recordings whose residuals are correlated; empty for white noise.
+        known: True if the variance of the weighted residuals is 1; otherwise the variance is estimated.
+        loss: loss function of the fit, one of `LOSSES`.
+        scale: weighted residual above which a robust loss reduces its influence.
+        correlated: numbers of samples of the recordings, if their residuals are correlated in time; empty for
+            white noise.
     """
 
     degrees_of_freedom: int
@@ -76,21 +79,21 @@ def uncertainty(
     bounds: tuple[np.ndarray, np.ndarray],
     noise: NoiseLevel,
 ) -> Uncertainty:
-    """Return the uncertainty of the coordinates at the end of a fit.
+    """Return the uncertainty of the coordinates at the end of a fit, as an `Uncertainty`.
 
     Args:
-        jacobian: d residuals / d coordinates, shape (n, k).
-        residuals: divided by their noise, shape (n,).
+        jacobian: derivatives of the weighted residuals by the coordinates, shape (n, k).
+        residuals: weighted residuals (divided by their noise), shape (n,).
         coordinates: coordinates at the end of the fit, shape (k,).
-        bounds: lower and upper, each of shape (k,); may be infinite.
-        noise: assumptions on the noise of the residuals.
+        bounds: lower and upper bounds, two arrays of shape (k,); may be infinite.
+        noise: assumptions on the weighted residuals.
     """
     lower, upper = bounds
     slope = jacobian.T @ (residuals * noise.loss((residuals / noise.scale) ** 2)[1])
     unbounded = covariance(jacobian, residuals, noise)
     deviation = np.sqrt(np.diag(unbounded))
-    # The optimiser stops just short of a bound, so a distance of a hundredth of the standard error counts as
-    # "at" it.
+    # The optimiser stops just short of a bound, so a coordinate within a hundredth of its standard error of a
+    # bound counts as being at this bound.
     span = upper - lower
     least = 1e-6 * np.where(np.isfinite(span), span, np.maximum(1, abs(coordinates)))
     near = np.maximum(np.minimum(0.01 * deviation, 1e-3 * span), least)
@@ -111,9 +114,11 @@ def uncertainty(
 
 
 def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: NoiseLevel) -> np.ndarray:
-    """Return the covariance of the coordinates without bounds, shape (k, k); arguments as in `uncertainty`.
+    """Return the covariance of the coordinates as if there were no bounds, shape (k, k); arguments as in
+    `uncertainty`.
 
-    Coordinates with a part in a direction that the data do not determine have infinite variance.
+    Coordinates with a part in a direction that the data do not determine have infinite variance, and zero
+    covariance with the others.
     """
     z = (residuals / noise.scale) ** 2
     _, first, second = noise.loss(z)
@@ -135,13 +140,12 @@ def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: NoiseLevel) -
 
 
 def decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the singular directions of the residuals.
+    """Return the singular directions of the residuals for a Jacobian J [n, k].
 
-    It returns three arrays: orthonormal directions U [n, m] in which the coordinates move the residuals; the
+    The three results are: orthonormal directions U [n, m] in which the coordinates move the residuals; the
     root R [k, m] of (J'J)^-1 = R R' with J R = U; and the indices of the coordinates with a part in the null
-    space of J, which the data do not determine.
-    Sums over samples are taken along U, because nearly parallel coordinates would otherwise leave differences
-    of large numbers.
+    space of J, which the data do not determine. Sums over samples are taken along U, because nearly parallel
+    coordinates would otherwise leave differences of large numbers.
     """
     norms = np.linalg.norm(jacobian, axis=0)
     norms[norms == 0] = 1.0
@@ -152,11 +156,16 @@ def decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _long_run(terms: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Return the sum over all lags of the autocovariance of the terms [n, k] with Bartlett's window, shape
-    (k, k). The length of the window follows from the correlation time of the residuals [n]."""
+    """Return the sum over all lags of the autocovariance of the time series in the columns of `terms` [n, k],
+    weighted with Bartlett's window, shape (k, k).
+
+    The window is four times as long as the correlation time of the residuals [n], at most a quarter of the
+    data.
+    """
     power = scipy.signal.fftconvolve(residuals, residuals[::-1])[residuals.size - 1 :]
     negative = np.flatnonzero(power <= 0)
-    # The window must be longer than the correlation time of the residuals, and short compared with the data.
+    # Bartlett's window must be longer than the correlation time of the residuals, and short compared with the
+    # data.
     lags = min(4 * int(negative[0]) if negative.size else residuals.size, max(1, residuals.size // 4))
     window = 1 - np.abs(np.arange(-lags, lags + 1)) / (lags + 1)
     return terms.T @ scipy.signal.fftconvolve(terms, window[:, None], mode="same", axes=0)

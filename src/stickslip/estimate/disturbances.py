@@ -15,14 +15,16 @@ from .jumps import events
 from .lack import KnownNoise
 from .outliers import TO_DEVIATION, spikes
 
-# FEWEST_FROZEN: fewest equal samples in a row that may be a frozen channel. MOVED: smallest change of the
-# model during these samples, in converter steps or standard deviations of the noise, whichever are larger.
+# FEWEST_FROZEN: fewest equal samples in succession that count as a frozen channel. MOVED: smallest range of
+# the model during these samples, as a multiple of the converter step or of the noise's standard deviation,
+# whichever is larger.
 FEWEST_FROZEN, MOVED = 5, 4.0
-# PARTS: number of parts of a recording whose mean residuals are tested for drift. LEAST_PART: fewest samples
-# in a part. The rms of the means is a drift if it exceeds the share WANDERS of the rms residual, and
-# ABOVE_WHITE times what white noise of that rms would give.
+# PARTS: number of equal parts of a recording whose mean residuals are tested for drift. LEAST_PART: fewest
+# samples in a part. The standard deviation of the means is a drift if it exceeds both WANDERS times the
+# residuals' standard deviation, and ABOVE_WHITE times the value for white noise.
 PARTS, LEAST_PART, WANDERS, ABOVE_WHITE = 16, 8, 0.3, 3.0
-# Change of a fitted value, in standard errors, above which a fault makes its interval unreliable.
+# Change of a fitted value by a fault, in standard errors, above which the interval of the value counts as
+# unreliable.
 MOVES = 1.0
 ADVICE = {
     "jump": "end the recording before it, or record again",
@@ -31,8 +33,8 @@ ADVICE = {
     "freeze": "end the recording before it, or record again",
     "hum": "find its source, or record with a drive whose frequency does not divide it",
 }
-# A jump, burst or drift below this share of the channel's range is ignored: it may be an error of the
-# simulation.
+# Smallest jump, burst or drift that is reported, as a share of the channel's range; smaller ones may be
+# errors of the simulation.
 NEGLIGIBLE = 1e-4
 
 Array = NDArray[np.float64]
@@ -44,17 +46,19 @@ class Disturbance(NamedTuple):
     Attributes:
         kind: "jump", "burst", "spikes", "freeze", "hum", "jitter" or "drift".
         name: name of the recording.
-        when: start [s], in the time of the recording; the first sample if the fault lasts throughout.
+        when: start [s], in the time of the recording; the instant of the largest of several spikes; the first
+            sample if the fault lasts throughout.
         lasts: duration [s].
         size: error of the channel, in `unit`: change of level (measured minus model), largest spike, motion
-            hidden by a freeze, amplitude of a hum, or root mean square of a drift; for jitter, the standard
-            deviation of the sampling instants [s].
-        unit: unit of the size.
+            hidden by a freeze, amplitude of a hum, or rms of a drift; for jitter, the standard deviation of
+            the sampling instants [s].
+        unit: unit of the size: that of the data, "s" for jitter.
         frequency: frequency of a hum [Hz]; 0 otherwise.
-        samples: number of affected samples; all of them for jitter, hum and drift.
-        spikes: instants of spikes [s].
-        moved, moves: name of the fitted value that the fault changes most, and this change in standard errors
-            (without the fault); "" and NaN if unknown.
+        samples: number of affected samples; all of them for jitter, hum and drift; always 1 for spikes.
+        spikes: instants of all spikes [s].
+        moved, moves: name of the fitted value that the fault changes most, and this change in standard
+            errors; "" and NaN if unknown. For a jump, burst or freeze, these are the standard errors that the
+            fit would have without the fault.
     """
 
     kind: str
@@ -71,7 +75,7 @@ class Disturbance(NamedTuple):
 
     @property
     def statement(self) -> str:
-        """Return a sentence on kind, time and size of the fault."""
+        """Return a sentence with the recording's name, and the kind, time and size of the fault."""
         size, when = with_prefix(abs(self.size), self.unit, 3), f"{self.when:.4g} s"
         lasts = with_prefix(self.lasts, "s", 3)
         match self.kind:
@@ -98,7 +102,8 @@ class Disturbance(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Return the statement together with the effect on a fit, and what to do."""
+        """Return the statement together with the effect on a fitted value, if known, and advice if the
+        intervals are unreliable."""
         if self.kind == "jitter":
             return f"{self.statement}; the intervals allow for it"
         if self.kind == "drift":
@@ -111,9 +116,11 @@ class Disturbance(NamedTuple):
         return f"{by}; the intervals are not to be trusted: {ADVICE[self.kind]}"
 
     def shapes(self, times: Array) -> Array:
-        """Return the time courses that describe the fault at the times [n], s, shape (n, k): a step for a
-        jump, cosine and sine for hum, one column per sample for the other kinds; no column for jitter and
-        drift."""
+        """Return the time courses that describe the fault at the times [n], s, as columns, shape (n, k).
+
+        A jump has a step; a hum has cosine and sine; spikes, bursts and freezes have a column for each
+        affected sample; jitter and drift have no column.
+        """
         if self.kind == "jump":
             return (times >= self.when).astype(float)[:, None]
         if self.kind == "hum":
@@ -137,16 +144,17 @@ def disturbances(
     name: str = "the recording",
     unit: str = "m",
 ) -> tuple[Disturbance, ...]:
-    """Return the faults of instruments that the residuals of one recording show.
+    """Return the faults of instruments that the residuals of one recording show, in the order freezes,
+    jitter, spikes, hum, jumps and bursts, drift. Their fields `moved` and `moves` are not yet known.
 
     Args:
         residuals: model minus measured, at equal intervals, in the unit of the data, [n].
-        times: s, [n].
-        slope: speed of the model, in the unit of the data per s, [n]; without it jitter is not searched for.
-        measured: measured values, in the unit of the data, [n]; without it freezes are not searched for.
-        jacobian: derivatives of the residuals by the fitted coordinates, [n, k]; changes that other values
-            could describe are not a fault.
-        known: converter step, rest and periods of the recording.
+        times: times of the samples, s, [n].
+        slope: speed of the model, in the unit of the data per s, [n]; without it, jitter is not searched for.
+        measured: measured values, in the unit of the data, [n]; without them, freezes are not searched for.
+        jacobian: derivatives of the residuals by the fitted coordinates, [n, k]; changes that other values of
+            the parameters could describe are not faults.
+        known: `KnownNoise` of the recording, with its converter step, rest and periods.
         name: name of the recording.
         unit: unit of the data.
     """
@@ -194,12 +202,12 @@ def disturbances(
 
 
 def frozen(measured: Array, residuals: Array, step: float) -> list[tuple[int, int, float]]:
-    """Return for each frozen part of a recording the index of the first sample, the index after the last one,
-    and the range of the model's values between them.
+    """Return a tuple for each frozen part of a recording: index of the first sample, index after the last
+    sample, and range of the model's values between them, in the unit of the data.
 
     Args:
         measured, residuals: measured values, and model minus measured values, [n].
-        step: converter step, in the unit of the data; 0: none.
+        step: converter step, in the unit of the data; 0: unknown.
     """
     model, same = residuals + measured, np.diff(measured) == 0.0
     noise = TO_DEVIATION * float(np.median(np.abs(np.diff(measured, 2)))) / math.sqrt(6.0)
@@ -220,8 +228,11 @@ def _bridged(r: Array, wrong: NDArray[np.bool_]) -> Array:
 
 
 def _wander(r: Array, columns: Array) -> float:
-    """Return the drift of residuals r [n]: the standard deviation of the means of `PARTS` parts, in the unit
-    of r; 0 if white noise explains it. The part of r that `columns` [n, k] describe is subtracted first."""
+    """Return the drift of residuals r [n]: the standard deviation of the means of `PARTS` equal parts, in the
+    unit of r; 0 if white noise explains it or the parts are too short.
+
+    The part of r that a constant and `columns` [n, k] describe is subtracted first.
+    """
     ones = np.column_stack([columns, np.ones(r.size)])
     norms = np.linalg.norm(ones, axis=0)
     ones = ones[:, norms > 0.0] / norms[norms > 0.0]

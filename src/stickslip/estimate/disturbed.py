@@ -14,8 +14,8 @@ from .lack import Lack, lacks_of
 from .moves import moves
 from .result import Fit
 
-# Kinds of fault that occur at one time. Their effect is compared with the standard errors that the fit would
-# have without the fault. Hum and spikes count as noise, which the standard errors contain.
+# Kinds of fault that occur once. The change of a value by such a fault is divided by the standard error that
+# the fit would have without the fault. Hum and spikes count as noise, which the standard errors contain.
 SINGLE = ("jump", "burst", "freeze")
 
 Array = NDArray[np.float64]
@@ -23,9 +23,11 @@ Array = NDArray[np.float64]
 
 @single_threaded
 def with_disturbances(fit: Fit) -> Fit:
-    """Return the fit with the faults of instruments that its residuals show, in `disturbances`.
+    """Return a copy of the fit with the faults of instruments that its residuals show, as `disturbances`.
 
-    Those that change a value significantly are also in its `failures`, the others in its `remarks`.
+    The sentences on faults that change a value by more than one standard error are added to `doubts` (and so
+    to `failures`), the others to `remarks`. Without a Jacobian, times or measured values, no fault is
+    searched for.
     """
     fit = _without(fit)
     if fit.jacobian is None or not all(t.size == r.size == x.size for t, r, x in _parts(fit)):
@@ -56,7 +58,8 @@ def with_disturbances(fit: Fit) -> Fit:
 
 
 def lack_beside_faults(fit: Fit) -> tuple[Lack, ...]:
-    """Return the lack-of-fit test of each recording after known faults of instruments are removed."""
+    """Return the lack-of-fit test of each recording, with the known faults of instruments removed from the
+    residuals; unchanged for a recording that shows no lack with its faults."""
     if len(fit.known) != len(fit.residuals):
         return fit.lack
     left = left_beside_faults(fit)
@@ -64,13 +67,14 @@ def lack_beside_faults(fit: Fit) -> tuple[Lack, ...]:
     parts = np.split(left, np.cumsum(sizes)[:-1])
     names = [one.name for one in fit.recordings]
     found = lacks_of(parts, fit.known, names, len(fit.parameters) / left.size, fit.judgement)
-    # Removing faults only lowers residuals, so a recording that was explained before is still explained.
+    # Removal of faults only lowers residuals, so a recording without a lack of fit keeps its result.
     return tuple(now if was.seen else was for was, now in zip(fit.lack, found, strict=True))
 
 
 def left_beside_faults(fit: Fit) -> Array:
-    """Return the residuals of all recordings, joined, after removal of the faults of instruments and of their
-    effect on the values, linearised."""
+    """Return the residuals of all recordings, joined, in the unit of the data, shape (n,), without the part
+    that the faults of instruments and linearised changes of the fitted values explain. Without faults, the
+    residuals are unchanged."""
     r = np.concatenate(fit.residuals)
     ends = np.cumsum([part.size for part in fit.residuals])
     columns = [] if fit.jacobian is None else [np.where(np.isfinite(fit.jacobian), fit.jacobian, 0.0)]
@@ -88,7 +92,8 @@ def left_beside_faults(fit: Fit) -> Array:
 
 
 def _without(fit: Fit) -> Fit:
-    """Return the fit without its faults, and without their sentences in `doubts` and `remarks`."""
+    """Return a copy of the fit without `disturbances`, and without their sentences in `doubts` and
+    `remarks`."""
     old = {one.sentence for one in fit.disturbances}
     doubts, remarks = (tuple(s for s in said if s not in old) for said in (fit.doubts, fit.remarks))
     return replace(fit, disturbances=(), doubts=doubts, remarks=remarks)
@@ -99,14 +104,14 @@ def _parts(fit: Fit) -> list[tuple[Array, Array, Array]]:
 
 
 def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Array) -> list[Disturbance]:
-    """Return the faults of one recording, each with the value that it changes most, and the change in
-    standard errors.
+    """Return the faults of one recording, each with its fields `moved` and `moves` set: the fitted value that
+    it changes most, and this change in standard errors. A robust fit's faults are unchanged.
 
     Args:
         fit: fit with its Jacobian.
         found: faults of the recording.
         rows: rows of the Jacobian that belong to the recording.
-        times: times of its samples, s, [n].
+        times: times of the recording's samples, s, [n].
     """
     assert fit.jacobian is not None
     shapes = [one.shapes(times) for one in found]
@@ -119,7 +124,8 @@ def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Arra
     norms[norms == 0.0] = 1.0
     sizes = np.linalg.lstsq(every / norms, r, rcond=1e-9)[0] / norms
     errors = np.sqrt(np.diag(fit.uncertainty.covariance))
-    # A fault is not noise, so it must not widen the error by which it is judged.
+    # Share of the rms residual that remains without the faults. A fault is not noise, so it must not widen
+    # the standard error by which its effect is judged.
     left = max(float(np.linalg.norm(r - every @ sizes) / np.linalg.norm(r)), 1e-9)
     start, made = fit.jacobian.shape[1] + 1, []
     for one, shape in zip(found, shapes, strict=True):

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from ..quantities.units import with_prefix
 
-# Range of tried random walks: standard deviation of the change per sample, divided by that of the white
-# noise.
+# Range of the tried random walks: standard deviation of the walk's step per sample, divided by the standard
+# deviation of the white noise.
 LEAST_WALK, MOST_WALK = 1e-4, 1.0
 # TRIED: number of random walks that are tried in this range. LINES: number of spectral lines used, from the
 # lowest. At higher lines, noise after a low-pass filter resembles a random walk.
 TRIED, LINES = 33, 16
 _LOGS = np.linspace(2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK), TRIED)
-# Fewest samples at rest that distinguish a slope from a random walk.
+# Fewest samples at rest for which a slope is estimated; fewer do not distinguish a slope from a random walk.
 FEWEST = 100
 
 Array = NDArray[np.float64]
@@ -28,11 +28,12 @@ Array = NDArray[np.float64]
 def walk_and_white(
     pieces: Sequence[Array], lines: int | None = None
 ) -> Callable[[float], tuple[float, float]]:
-    """Return a function of the log ratio of random-walk variance (per sample) to white-noise variance.
+    """Return the likelihood of a random walk plus white noise as a function of their ratio.
 
-    The function returns minus twice the log-likelihood of this ratio, and the variance of the white noise.
-    The differences of walk plus white noise are a moving average: their covariance is tridiagonal, with sines
-    as eigenvectors.
+    The returned function takes the natural logarithm of the variance that the walk gains per sample divided
+    by the variance of the white noise. It returns minus twice the log-likelihood (up to a constant), and the
+    most likely variance of the white noise. The differences of walk plus white noise are a moving average:
+    their covariance is tridiagonal, with sines as eigenvectors.
 
     Args:
         pieces: arrays of samples [n] with both kinds of noise.
@@ -53,7 +54,8 @@ def walk_and_white(
 
 def sine_powers(r: Array) -> tuple[Array, Array]:
     """Return angular frequencies [rad per sample], and the power of the sample-to-sample differences of r [n]
-    in a sine basis at these frequencies, both of shape (n - 1,)."""
+    in a sine basis at these frequencies; both have the shape (n - 1,), as n samples have n - 1
+    differences."""
     return np.pi * np.arange(1, r.size) / r.size, _sines(np.diff(r)) ** 2
 
 
@@ -62,15 +64,19 @@ def _sines(x: Array) -> Array:
 
 
 def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Array, Array, float]:
-    """Return the expected mean squares of the drift at later times, as far as samples at rest determine it.
-
-    The result is: the probability of each tried random walk [k], its mean square at those times [k], and the
-    most likely mean square.
+    """Predict the drift of a channel, a random walk plus a slope, from samples at rest.
 
     Args:
         pieces: samples [n] at rest, not all equal in every array; their levels may differ.
-        times: times for which the drift is predicted, in samples after the instant at which it is zero.
-        walks: smallest variance that a random walk gains from sample to sample.
+        times: times for which the drift is predicted, in samples after the instant at which the drift is
+            zero.
+        walks: smallest variance that a random walk gains from sample to sample, in the squared unit of the
+            samples.
+
+    Returns:
+        Probability of each of the tried random walks, shape (TRIED,); the expected square of the drift,
+        averaged over `times`, for each of these walks; and the most likely mean square of the drift, one
+        number. Squares are in the squared unit of the samples.
     """
     sizes = np.array([float(r.size) for r in pieces])
     weights = sizes**3 / 12.0
@@ -79,8 +85,8 @@ def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Ar
     criterion, white = np.array([*map(walk_and_white(pieces, LINES), _LOGS)]).T
     chances = _chances(criterion)
     walk = np.maximum(white * np.exp(_LOGS), walks)
-    # Variance of the slope by white noise and by a random walk: 6/5 of its variance per sample, divided by
-    # the number of samples.
+    # Variance of the estimated slope by white noise plus its variance by a random walk. For one array of n
+    # samples, the second is 6/5 of the variance that the walk gains per sample, divided by n.
     unsure = white / weights.sum() + walk * 1.2 * float(weights**2 @ (1.0 / sizes)) / weights.sum() ** 2
     ahead, squares = float(np.mean(np.abs(times))), float(np.mean(times**2))
     far = walk * ahead + (slope**2 + unsure) * squares
@@ -90,35 +96,35 @@ def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Ar
 
 
 class Drift(NamedTuple):
-    """Linear drift of a channel: slope in its unit per s, standard error, and the time [s] at which the drift
-    is zero."""
+    """Linear drift of a channel: `slope` in the channel's unit per s, its standard `error`, and the time
+    `about` [s] at which the drift is zero."""
 
     slope: float
     error: float
     about: float
 
     def at(self, time: Array) -> Array:
-        """Return the drift of the channel at the times [n], in its unit."""
+        """Return the drift of the channel at the times [n], s, in the unit of the channel."""
         return self.slope * (time - self.about)
 
     def unsure(self, time: Array) -> Array:
-        """Return the change of the drift at the times [n] if the slope is one standard error greater; it is
-        negative before `about`."""
+        """Return the change of the drift at the times [n], s, in the unit of the channel, if the slope is one
+        standard error greater; the change is negative before `about`."""
         return self.error * (time - self.about)
 
 
 def said_drift(slope: float, error: float, unit: str) -> str:
-    """Return a sentence part with the drift rate of a channel and its standard error, in `unit` per
-    second."""
+    """Return a phrase with the drift rate of a channel and its standard error: "drifts by 2 nm/s (standard
+    error 0.1 nm/s)"; both numbers are in `unit` per second."""
     rate, known_to = (with_prefix(x, f"{unit}/s", 3) for x in (slope, error))
     return f"drifts by {rate} (standard error {known_to})"
 
 
 def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
-    """Return the linear drift of samples [n] at rest at equidistant times [s].
+    """Return the linear drift of samples [n] at rest at equidistant times [s], zero at the mean time.
 
-    It is None if the slope is below `surely` standard errors, if all samples are equal, or if there are fewer
-    than `FEWEST`.
+    The result is None if the slope is at most `surely` times its standard error, if all samples are equal, or
+    if there are fewer than `FEWEST`.
     """
     if samples.size < FEWEST or not np.ptp(samples) > 0.0:
         return None
@@ -128,12 +134,12 @@ def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
 
 
 def off_by_drifts(times: Sequence[Array], drifts: Sequence[Drift | None]) -> Array:
-    """Return the change of all samples by one standard error of each subtracted drift, shape (samples of all
-    recordings, recordings).
+    """Return the change of all samples if a subtracted drift were one standard error steeper, as a column for
+    each recording, in the unit of the data, shape (samples of all recordings, recordings).
 
     Args:
         times: times of each recording, s.
-        drifts: drift subtracted from each recording; None: no drift was subtracted.
+        drifts: drift that was subtracted from each recording; None: no drift was subtracted.
     """
     parts = [
         np.zeros_like(time) if drift is None else drift.unsure(time)
@@ -143,8 +149,8 @@ def off_by_drifts(times: Sequence[Array], drifts: Sequence[Drift | None]) -> Arr
 
 
 def slope_at_rest(samples: Array) -> tuple[float, float]:
-    """Return the slope of samples [n] at rest, per sample, and its standard error, from white noise and from
-    a random walk as far as the samples show one."""
+    """Return the slope of samples [n] at rest, in their unit per sample, and its standard error, which allows
+    for white noise and for a random walk as far as the samples show one."""
     differences = np.diff(samples)
     found, by_slope = (_sines(x)[:LINES] for x in (differences, np.ones(differences.size)))
     of_white = 2.0 - 2.0 * np.cos(np.pi * np.arange(1, found.size + 1) / samples.size)
@@ -152,7 +158,8 @@ def slope_at_rest(samples: Array) -> tuple[float, float]:
     told = np.sum(by_slope**2 / variances, axis=1)
     slopes = np.sum(by_slope * found / variances, axis=1) / told
     left = np.sum((found - slopes[:, None] * by_slope) ** 2 / variances, axis=1)
-    # Restricted likelihood: the part of the samples that the slope absorbs is not information on the noise.
+    # Restricted likelihood: the slope is estimated from the same samples, so one of them gives no information
+    # on the noise.
     criterion = (found.size - 1) * np.log(left) + np.sum(np.log(variances), axis=1) + np.log(told)
     chances = _chances(criterion)
     slope = float(chances @ slopes)

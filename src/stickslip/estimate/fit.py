@@ -27,9 +27,10 @@ from .search import End, Options, SearchResults, SearchState
 # Largest number of times that a search range is extended, each time by the factor `REACH` = 30. The initial
 # range extends to this factor of the initial guess, so the largest range extends to 30^4.
 WIDENED = 3
-# Smallest change of chi-squared beyond a search limit that determines the parameter.
+# Smallest decrease of chi-squared, in variances of the noise, for which a search range is extended once more.
 NOTHING_GAINED = 0.1
-NEAR_END = 1e-3  # share of the search range; a search that ends closer to an end of the range has reached it
+# Share of the search range; a search that ends closer to an end of its range has reached this end.
+NEAR_END = 1e-3
 
 
 @single_threaded
@@ -49,27 +50,30 @@ def fit_least_squares(
     each: Callable[[SearchState], None] | None = None,
     **about: Any,
 ) -> Fit:
-    """Minimise the sum of squared residuals, each divided by its noise, within the bounds of the parameters.
+    """Minimise the sum of squared residuals, each divided by its noise, within the bounds of the parameters,
+    and return the `Fit`.
 
     Args:
-        described: a `Problem`; or the residuals of its recordings.
+        described: a `Problem`; or the residuals of its recordings: a function of all values, or a list of
+            `Residuals`.
         parameters, about: parameters and further arguments of the `Problem`, if `described` is not one.
-        begin: initial guess, if it differs from the parameters' own.
+        begin: initial guess, values by name, if it differs from the parameters' own.
         starts: total number of initial guesses; those after the first fill the bounds by a Latin hypercube.
         hops: largest number of basin hops, that is of searches for a lower minimum: from the best of many
-            points within the bounds, then near the best minimum, with each parameter multiplied by 4, 2, 1/2
-            and 1/4 in turn. Hopping ends when it finds no lower minimum, or when only white noise is left.
+            points within the bounds, then near the best minimum, with each parameter multiplied by 1/4, 1/2,
+            2 and 4 in turn. Hopping ends when it finds no lower minimum, or when only white noise is left.
         seed: seed of the hypercube.
-        central: two-sided differences during all of the search; without, only towards its end.
+        central: two-sided differences during all of the search; by default only towards its end.
         tolerance: relative change of the sum of squares, and of the parameters, at which the search ends.
         settled: share of the radius of the confidence region; the search ends if the next step is below it
             (see `relative_offset`); [bates1981] propose 1e-3.
         max_evaluations: largest number of evaluations of the model, for each start.
-        progress: called after each evaluation with the current step and the done share, 0 to 1.
-        each: called after each evaluation with the state of the search.
+        progress: called after each evaluation as ``progress(doing, done)``; `done` is the share of the
+            initial guesses that are finished.
+        each: called after each evaluation with a `SearchState`.
 
     Raises:
-        FitError: see `Problem`; or the model fails at all initial guesses.
+        FitError: see `Problem`; or `starts` is below 1, or the model fails at all initial guesses.
     """
     if starts < 1:
         raise FitError(f"starts = {starts} must be at least 1")
@@ -83,8 +87,9 @@ def fit_least_squares(
 
 
 def _search_beyond(searches: SearchResults) -> None:
-    """Continue the searches beyond ends of the search range that are not limits, while such an end is active
-    at the best fit."""
+    """Continue the best search beyond the ends of its search ranges, up to `WIDENED` times, while the best
+    fit lies at an end that is not a limit of the law and the sum of squares still decreases. The new ends are
+    added to `searches`."""
     problem = searches.problem
     for _ in range(WIDENED):
         best = searches.best
@@ -92,7 +97,7 @@ def _search_beyond(searches: SearchResults) -> None:
         before = problem.lower.copy(), problem.upper.copy()
         if not [place for place, side in sides.items() if problem.widen(place, side)]:
             return
-        # Drop the searches that ended at the previous end of the range: these are not minima.
+        # Drop the searches that ended at the previous end of the range, because these points are not minima.
         searches.ends = [
             end
             for end in searches.ends
@@ -105,8 +110,9 @@ def _search_beyond(searches: SearchResults) -> None:
 
 
 def _held_back(problem: Problem, end: End) -> dict[int, int]:
-    """Return the ends of the search range that stopped a search: parameter index -> -1 (lower) or 1 (upper).
-    Beyond them the residual would fall further. Limits of the law do not count."""
+    """Return the ends of search ranges at which a search has stopped, although the residual would decrease
+    further beyond them: parameter index -> -1 (lower) or 1 (upper). An end that is a limit of the law does
+    not count."""
     span = problem.upper - problem.lower
     ends = {-1: end.q - problem.lower < NEAR_END * span, 1: problem.upper - end.q < NEAR_END * span}
     found = {
@@ -131,12 +137,13 @@ def _assumed(problem: Problem) -> NoiseLevel:
 
 
 def _variance(problem: Problem, best: End) -> float:
-    """Return the variance of the weighted residuals: 1 if the noise is known, otherwise from the best fit."""
+    """Return the variance of the weighted residuals: 1 if the noise is known, otherwise the best search's sum
+    of squares divided by the degrees of freedom (1 instead of 0)."""
     return (1.0 if problem.noise_known else best.cost / problem.degrees_of_freedom) or 1.0
 
 
 def _described(searches: SearchResults) -> Fit:
-    """Return the lowest end of the searches as a fit, including the other minima that the data do not
+    """Return the lowest result of the searches as a `Fit`, including the other minima that the data do not
     reject."""
     problem, best = searches.problem, searches.best
     assumed = _assumed(problem)
@@ -203,11 +210,12 @@ def _minimum(end: End, excess: float, searches: SearchResults, assumed: NoiseLev
 
 
 def _log_likelihood(chi_squared: float, noise: np.ndarray, noise_known: bool) -> float:
-    """Return the log-likelihood of Gaussian noise, at its known level or else at the most likely one.
+    """Return the natural log-likelihood of Gaussian noise, at its known level or else at the most likely one;
+    infinite for residuals of zero with an unknown level.
 
     Args:
         chi_squared: sum of the squared residuals, each divided by its noise.
-        noise: standard deviation of each datum, shape (n,); only its ratios count if it is not known.
+        noise: standard deviation of each datum, shape (n,); only its ratios count if `noise_known` is False.
         noise_known: True if the level of the noise is known.
     """
     n, constant = noise.size, float(np.sum(np.log(noise)))
