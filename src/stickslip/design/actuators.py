@@ -26,7 +26,8 @@ from .searched import Searched
 from .space import DesignSpace, built, check_conditions, space_of
 from .waveforms import check_counts, check_model, check_moves, least_of
 
-# Number of sawtooth coordinates of a candidate: rise, frequency and swing come first.
+# Number of sawtooth coordinates of a candidate (rise, frequency and swing), which precede its free
+# parameters.
 DRIVE = 3
 
 
@@ -60,21 +61,24 @@ def optimise_actuator(
             "stage_stiffness". If the stage's mass or stiffness is free, its natural frequency follows from
             both, unless it is free itself; gain and damping ratio are constant.
         max_voltage, min_voltage, frequency, scenarios, minimum_speed, threads, progress: as for
-            `optimise_waveform`. If a scenario or a draw changes a free parameter, it does so in proportion.
+            `optimise_waveform`. If a scenario or a draw changes a free parameter, each candidate's value
+            changes in the same proportion.
         output: limits of slope, current and frequency, for all models or by the names of the models.
         uncertainty: uncertainty of the model, of which `draws` draws are further conditions; only for a
             single model.
-        holding_force: holding force that the contact must have at least (Coulomb force times "load"), N.
+        holding_force: smallest allowed holding force of the contact (Coulomb force times "load"), N, or N m
+            for rotary actuators. By default there is no such requirement.
         budget: number of candidates in the search for each model. With several conditions, further rounds
             compute up to half as many, and then up to a sixth.
         seed: seed of the search.
 
     Returns:
-        The best `model` with its `waveform` and `value`, and the best of each given model.
+        The best `model` with its `waveform` and `value` (the goal in the worst condition), and in `each` the
+        best result of each given model.
 
     Raises:
         QuantityError: as for `optimise_waveform`; an unknown name or no range in `free`; a holding force that
-            the ranges do not allow.
+            the ranges do not allow; rotary and linear models together; an uncertainty for several models.
     """
     models = dict(model) if isinstance(model, Mapping) else {"": model}
     if not models:
@@ -115,12 +119,15 @@ def optimise_actuator(
 
 
 def _of(output: Any, name: str, models: Mapping[str, Actuator]) -> OutputStage | None:
-    """Return the output stage of the model `name`.
+    """Return the output stage of the model `name`; None: without limits.
 
     Args:
         output: one stage (or None) for all models, or a mapping of stages by the names of the models.
         name: name of the model.
-        models: all models by name, which must be the names of the mapping.
+        models: all models by name.
+
+    Raises:
+        QuantityError: the mapping has other names than the models.
     """
     if not isinstance(output, Mapping):
         return output
@@ -146,6 +153,9 @@ def _allowed(
         low, high: voltage limits, V; None: the model's.
         output: output stage; None: without limits.
         frequency: frequency range (low, high), Hz; None: a range that follows from each model.
+
+    Raises:
+        QuantityError: no drive is allowed, see `limits.allowed`.
     """
     models = [space.model, built(space, space.low), built(space, space.high)]
     each = [allowed(model, low, high, output, frequency) for model in models]
@@ -155,9 +165,10 @@ def _allowed(
 class _Search(NamedTuple):
     """Search for the free parameters of one model and its sawtooth.
 
-    Fields: `name` of the model; `space`, the free parameters; `allowed` drives; `conditions` in which a
-    candidate is judged; required `minimum_speed` [m/s] and `holding_force` [N], 0 for none; `scale`, the size
-    of a typical value of the goal, which normalises penalties and gains.
+    Fields: `name` of the model; `space`, the free parameters; the `goal`; limits `allowed` of the drive;
+    `conditions` in which a candidate is judged; required `minimum_speed` [m/s] and `holding_force` [N], 0 for
+    none (rad/s and N m for a rotary actuator); number of `threads`; and `scale`, the size of a typical value
+    of the goal, by which penalties are multiplied.
     """
 
     name: str
@@ -209,17 +220,21 @@ class _Search(NamedTuple):
         )
 
     def _searched(self) -> Searched:
-        """Return the search for a drive of the unchanged model, with the same goal, limits and conditions."""
+        """Return the search for a drive alone (without free parameters of the actuator), for the unchanged
+        model with the same goal, limits and conditions."""
         model, conditions = self.space.model, self.conditions
         return Searched(model, self.goal, self.allowed, conditions, self.minimum_speed, 0.0, self.threads)
 
     def merits(self, x: Array, which: Index) -> Array:
         """Return the merits of candidates, to be maximised, (n, conditions); NaN without a steady motion.
 
+        A merit is the goal's value, with the sign that makes larger values better, minus penalties for a
+        speed or a holding force below the required one.
+
         Args:
             x: candidates (n, 3 + names), each coordinate from 0 to 1: rise, frequency and swing of the
                 sawtooth, then the position of each free parameter within its range.
-            which: indices of the conditions.
+            which: indices of the conditions that are computed.
         """
         shapes, values = sawtooths(x[:, :DRIVE], self.allowed), self.space.values(x[:, DRIVE:])
         columns = self.space.columns(values, self.conditions.part(which))
@@ -229,8 +244,8 @@ class _Search(NamedTuple):
         return found - SHORTFALL * self.scale * short[:, None]
 
     def held(self, values: Array) -> Array:
-        """Return the holding force of each candidate's contact over the required `holding_force`, shape (n,);
-        infinite if none is required.
+        """Return the ratio of the holding force of each candidate's contact (Coulomb force times "load") to
+        the required `holding_force`, shape (n,); infinite if there is no requirement.
 
         Args:
             values: values of the free parameters, SI, shape (n, names).
@@ -242,11 +257,17 @@ class _Search(NamedTuple):
         return np.broadcast_to(force * fields.get("load", np.array(1.0)) / self.holding_force, len(values))
 
     def exactly(self, drive: Array, values: Array) -> tuple[Array, Array]:
-        """Return goal and speed [m/s] of one candidate in every condition, [conditions] each, from its drive
-        and its values [names]."""
+        """Return the goal [SI] and the speed [m/s, or rad/s] of one candidate in every condition, an array
+        [conditions] each, at the tolerances of a result.
+
+        Args:
+            drive: coordinates of the sawtooth (rise, frequency, swing), each from 0 to 1.
+            values: values of the free parameters, SI, [names].
+        """
         shape = sawtooths(drive[None], self.allowed)
         columns = {n: c[0] for n, c in self.space.columns(values[None], self.conditions.columns).items()}
-        # The drive keeps the voltage limits except for rounding errors; the model would refuse even those.
+        # The drive exceeds the voltage limits of the model by rounding errors at most. The simulation refuses
+        # even those, so the limits are removed.
         unbound = self.space.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
         ways = exactly(unbound, [shape.one(0)], columns, self.threads, extras_of(self.goal))
         return self.goal.of(shape, ways)[0], ways.steps[0] / shape.period[0]

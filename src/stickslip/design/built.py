@@ -23,16 +23,16 @@ AT_END = 1e-3
 
 
 class Built(NamedTuple):
-    """Best result for one model.
+    """Best result of `optimise_actuator` for one of the given models.
 
     Attributes:
-        name: name of the model; empty if a single one was given.
+        name: name of the model; empty if a single model was given without a name.
         space: free parameters of the model and their ranges.
         found: best values of the free parameters, SI, in the order of `space.names`.
         waveform: best sawtooth with these values.
         conditions: conditions in which candidates were judged.
-        values, speeds: goal [SI] and speed [m/s] in every condition.
-        before: goal in every condition with the model's own values and the best sawtooth for them.
+        values, speeds: goal [SI] and speed [m/s, or rad/s for a rotary actuator] in every condition.
+        before: goal [SI] in every condition with the model's own values and the best sawtooth for them.
         evaluations: number of computed periodic motions.
         interrupted: True if Ctrl-C stopped the search; the result is then the best one found so far.
     """
@@ -107,7 +107,7 @@ class OptimisedActuator:
 
     @property
     def table(self) -> Any:
-        """Return the free parameters of the best model, as a pandas DataFrame.
+        """Return the free parameters of the best model, as a pandas DataFrame with a row per parameter.
 
         Columns: given, found, low, high (SI), unit, and `at`: "low" or "high" if the found value is at that
         end of its range, otherwise empty.
@@ -119,8 +119,11 @@ class OptimisedActuator:
 
     @property
     def choices(self) -> Any:
-        """Return the best of each model as a pandas DataFrame: the goal in the worst condition, the goal with
-        the model's own values, and the free parameters (SI)."""
+        """Return the best result of each model as a pandas DataFrame with a row per model, SI.
+
+        Columns: value (goal in the worst condition), given (the same with the model's own values of the free
+        parameters), and a column with the best value of each free parameter.
+        """
         columns = {
             "value": np.array([self._worst(one.values) for one in self.each]),
             "given": np.array([self._worst(one.before) for one in self.each]),
@@ -132,7 +135,7 @@ class OptimisedActuator:
         return float(self.goal.sign * (self.goal.sign * values).min())
 
     def report(self) -> str:
-        """Return the result in words."""
+        """Return the result as text: goal, sawtooth, free parameters, and the goal of each given model."""
         unit, best = self.unit, self.best
         count = len(best.conditions.names)
         how = f"in the worst of {count} conditions" if count > 1 else "without scenarios"

@@ -23,8 +23,8 @@ VOLTAGES = (0.4, 0.6, 0.8, 1.0)
 # successive periods are sampled at different phases.
 FREQUENCIES = (5.0, 11.0, 23.0, 47.0, 97.0, 197.0, 397.0)
 RISES = (1.0, 0.8, 0.65)
-# Duration of a burst in one direction, s, and fewest periods of a burst: a single period in each direction
-# would not contain the jump from one period to the next.
+# Duration of a burst in one direction, s, and smallest number of periods of a burst. A single period in each
+# direction would not contain the jump from one period to the next.
 BURST, FEWEST = 0.05, 2
 # Rate, Hz, at which a drive is sampled to check its slope: the usual update rate of a rig's output.
 UPDATES = 20e3
@@ -33,18 +33,19 @@ UPDATES = 20e3
 def sawtooths(
     limits: Limits, slew_rate: float, duration: float, sample_rate: float, noise: float
 ) -> dict[str, PlannedWalk]:
-    """Return a grid of planned recordings by name: bursts of a sawtooth forward and back, over voltage,
-    frequency and share of the rise; empty if none fits.
+    """Return a grid of planned recordings by name, such as "40 V 11 Hz rise 0.8": bursts of a sawtooth
+    forward and back, over voltage, frequency and share of the rise. The grid is empty if no sawtooth fits.
 
     The bursts bring the end-effector back. With flanks that are not jumps, such recordings contain twice as
-    much information as one long walk.
+    much information as one long walk. If the fall would exceed the slew rate, the rise is shortened to leave
+    enough time for the fall; a sawtooth whose rise would be shorter than all of `RISES` is left out.
 
     Args:
         limits: limits of the output, whose largest voltage scales the grid.
-        slew_rate: slope of the amplifier, V/s, which no flank exceeds.
+        slew_rate: slew rate of the amplifier, V/s, which no flank exceeds.
         duration: duration of each recording, s.
         sample_rate: sample rate of the position, Hz.
-        noise: standard deviation of a sample of the position, m.
+        noise: standard deviation of a sample of the position, m, or rad for a rotary actuator.
     """
     found = {}
     for share in VOLTAGES:
@@ -53,7 +54,8 @@ def sawtooths(
             if not FEWEST < duration * hertz < math.inf:
                 continue
             for rise in RISES:
-                steepest = 1.0 - volts * hertz / slew_rate  # largest share of the rise that the fall leaves
+                # Largest share of the rise in the period: the remaining time is enough for the fall.
+                steepest = 1.0 - volts * hertz / slew_rate
                 fraction = min(rise, steepest)
                 if fraction < min(RISES) - 1e-9:
                     continue
@@ -64,8 +66,14 @@ def sawtooths(
 
 
 def there_and_back(volts: float, hertz: float, rise: float, duration: float) -> Parts:
-    """Return alternating bursts of a sawtooth, forward and back: amplitude [V], frequency [Hz], fraction of
-    the period for the rise, and total duration [s]."""
+    """Return a drive of alternating bursts: of a sawtooth (forward) and of a reverse sawtooth (back).
+
+    Args:
+        volts: amplitude, V: the sawtooths go from 0 V to this voltage.
+        hertz: frequency, Hz.
+        rise: fraction of the period for the rise; the fall takes the remainder.
+        duration: total duration, s, which is filled with pairs of bursts, at least one pair.
+    """
     periods = max(FEWEST, round(BURST * hertz))
     rise = round(rise, 6)
     both = (
@@ -82,8 +90,12 @@ def walks_of(
     sample_rate: float,
     noise: float,
 ) -> dict[str, PlannedWalk]:
-    """Return candidates by name; a waveform becomes a recording of the given duration [s], sample rate [Hz]
-    and noise [m].
+    """Return planned recordings by name.
+
+    Args:
+        candidates: recordings or waveforms in V, by name; in a sequence their names are "recording 1", ...
+        duration, sample_rate, noise: of the recordings that are made from waveforms: duration, s; sample
+            rate, Hz; and standard deviation of a sample of the position, m, or rad for a rotary actuator.
 
     Raises:
         QuantityError: there is no candidate, or one is neither a recording nor a waveform.
@@ -111,6 +123,8 @@ def walks_of(
 def refused(walk: PlannedWalk, limits: Limits, name: str) -> str:
     """Return the reason why a recording cannot be made or fitted; an empty text if it can.
 
+    The reason is a voltage, slope or duty beyond the limits, or a sample rate that is too low for the drive.
+
     Args:
         walk: the recording.
         limits: limits of the output.
@@ -135,8 +149,13 @@ def refused(walk: PlannedWalk, limits: Limits, name: str) -> str:
 
 
 def beyond(low: float, high: float, limits: Limits, unit: str) -> str:
-    """Return the reason why positions from `low` to `high` [m, or rad] violate the position limits; an empty
-    text if they do not. `unit` is the unit of the positions in the text."""
+    """Return the reason why a motion violates the position limits; an empty text if it does not.
+
+    Args:
+        low, high: least and greatest position of the motion, in `unit`.
+        limits: limits with `min_position` and `max_position`, in `unit`.
+        unit: "m", or "rad" for a rotary actuator.
+    """
     if low >= limits.min_position and high <= limits.max_position:
         return ""
     ends = [with_prefix(x, unit, 3) for x in (low, high, limits.min_position, limits.max_position)]

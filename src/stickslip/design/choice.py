@@ -1,5 +1,9 @@
-"""Choice of the most informative set of recordings: one after the other, then each exchanged for a better
-one."""
+"""Choice of the most informative set of recordings from candidates.
+
+Recordings are added one after the other, each the best addition. Then each is exchanged for a better
+candidate, until no exchange improves the set. Candidates are known only by their information
+(`information.Seen`).
+"""
 
 from __future__ import annotations
 
@@ -14,9 +18,11 @@ from .information import Seen, covariance, untold
 Array = NDArray[np.float64]
 Over = Literal["worst", "mean"]
 
-# Largest number of rounds of exchanges; each improves the set, and few are needed.
+# Largest number of rounds of exchanges. In a round, each recording of a set is exchanged once if that
+# improves the set; usually a few rounds are enough.
 MOST_ROUNDS = 20
-# Number of the best single candidates from each of which a set is built; the best one of each draw is added.
+# Number of first candidates, from each of which a set is built: the candidates with the best single scores.
+# The best candidate for each draw of the parameters is used in addition.
 MOST_BEGINS = 64
 # Score, instead of infinity, of a set that does not identify the goal: multiplied by 1 + the number of
 # unidentified parameter combinations, so that such sets can be ranked.
@@ -27,11 +33,11 @@ class PlanGoal(NamedTuple):
     """Goal of a planned experiment: the quantity whose expected standard error is minimised.
 
     Attributes:
-        name: the goal in words.
+        name: the goal in words: "all", the name of a parameter, or "steady step of" a waveform.
         own: mask [k] of the coordinates that belong to the actuator, not to the position channel; without
             parameters that no candidate identifies.
-        gradients: derivatives of the goal quantity by the coordinates [draws, k]; None: all parameters
-            together (D-optimal).
+        gradients: derivatives of the goal quantity by the coordinates [draws, k]; None: the goal is all
+            parameters of `own` together (D-optimal).
     """
 
     name: str
@@ -40,14 +46,15 @@ class PlanGoal(NamedTuple):
 
 
 def criterion(of: Seen, goal: PlanGoal) -> Array:
-    """Return the logarithm of the expected standard error of the goal, shape [draws, ...].
+    """Return the natural logarithm of the expected standard error of the goal, shape [draws, ...].
 
-    The logarithm is infinite if the recordings do not identify the goal.
+    The logarithm is infinite if the recordings do not identify the goal. The error of a single quantity
+    follows from the covariance of the coordinates and `goal.gradients`. For all parameters together, the
+    error is the geometric mean of their errors, including correlations (the determinant of the covariance).
 
     Args:
-        of: information in the recordings, with arrays [draws, ..., k, k] for k coordinates.
-        goal: the quantity. For all parameters together, the error is the geometric mean of the errors,
-            including correlations.
+        of: information in the recordings, with matrices [draws, ..., k, k] for k coordinates.
+        goal: the quantity whose error is computed.
     """
     spread = covariance(of)
     if goal.gradients is None:
@@ -66,14 +73,19 @@ def criterion(of: Seen, goal: PlanGoal) -> Array:
 
 
 def score(of: Seen, goal: PlanGoal, over: Over) -> Array:
-    """Return the score of each set of recordings, which a choice minimises: the worst or mean `criterion`
-    over the draws of the parameters.
+    """Return the score of each set of recordings, shape [...]; a choice minimises this score.
 
-    Half the logarithm of the duration is added, so that sets of recordings are compared at equal measuring
-    time.
+    The score is the `criterion` of the set plus half the logarithm of its duration, so that sets are compared
+    at equal measuring time. Where a set does not identify the goal, a multiple of `UNTOLD` replaces this
+    value.
+
+    Args:
+        of: information in each set, with matrices [draws, ..., k, k].
+        goal: quantity whose expected error is minimised.
+        over: "worst" (the largest value over the draws of the parameters) or "mean".
     """
     found = criterion(of, goal) + 0.5 * np.log(of.duration)
-    # If no set identifies the goal, choose the set with the fewest unidentified parameter combinations.
+    # If no set identifies the goal, the set with the fewest unidentified parameter combinations is best.
     lost = np.isinf(found)
     if np.any(lost):
         found = np.where(lost, UNTOLD * (1.0 + untold(of)), found)
@@ -83,13 +95,13 @@ def score(of: Seen, goal: PlanGoal, over: Over) -> Array:
 def chosen(of: Seen, goal: PlanGoal, over: Over, count: int) -> list[int]:
     """Return the indices of the best set of `count` candidates; a candidate may be taken several times.
 
-    They are in the order of their information, so that the first one, two, ... are good sets too.
+    The indices are ordered by `_ordered`: the first one, the first two, ... are good sets too.
 
     Args:
         of: information of all candidates, arrays [draws, candidates, ...].
         goal: quantity whose expected error is minimised.
-        over: "worst" or "mean" over the draws.
-        count: number of recordings.
+        over: "worst" or "mean" over the draws of the parameters.
+        count: number of recordings in the set.
     """
     alone = criterion(of, goal) + 0.5 * np.log(of.duration)
     # Exchanges seldom lead from the best set for one draw of the parameters to the best set for another, and
@@ -102,15 +114,21 @@ def chosen(of: Seen, goal: PlanGoal, over: Over, count: int) -> list[int]:
 
 
 def _added(of: Seen, goal: PlanGoal, over: Over, taken: list[int], count: int) -> list[int]:
-    """Return `taken` (indices) extended to `count` candidates, each the best addition to those before it."""
+    """Return the set `taken` extended to `count` candidates, each the best addition to the previous ones.
+
+    A set is a list of indices of candidates; `of`, `goal` and `over` are as for `chosen`.
+    """
     while len(taken) < count:
         taken = [*taken, _best(of, goal, over, taken)]
     return taken
 
 
 def _exchanged(of: Seen, goal: PlanGoal, over: Over, taken: list[int]) -> list[int]:
-    """Return the set `taken` (indices) with candidates exchanged one after the other until no exchange
-    improves the score."""
+    """Return the set `taken` with candidates exchanged one after the other until no exchange improves the
+    `score`, or after `MOST_ROUNDS` rounds.
+
+    A set is a list of indices of candidates; `of`, `goal` and `over` are as for `chosen`.
+    """
     for _ in range(MOST_ROUNDS):
         before = list(taken)
         for i in range(len(taken)):
@@ -124,7 +142,8 @@ def _exchanged(of: Seen, goal: PlanGoal, over: Over, taken: list[int]) -> list[i
 
 
 def _ordered(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> list[int]:
-    """Return the same set (indices), ordered so that each next candidate improves the score most."""
+    """Return the set `taken` (indices of candidates), ordered so that each next candidate improves the
+    `score` of the candidates before it most. `of`, `goal` and `over` are as for `chosen`."""
     left, order = list(taken), []
     while left:
         best = min(left, key=lambda one: _of(of, goal, over, [*order, one]))
@@ -134,8 +153,12 @@ def _ordered(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> list
 
 
 def together(of: Seen, taken: Sequence[int]) -> Seen:
-    """Return the combined information of the candidates with the indices `taken`, arrays [draws, ...], from
-    that of all candidates, arrays [draws, candidates, ...]."""
+    """Return the combined information of some candidates, arrays [draws, ...].
+
+    Args:
+        of: information of all candidates, arrays [draws, candidates, ...].
+        taken: indices of the candidates; one that occurs several times counts several times.
+    """
     found = of.at((slice(None), taken[0]))
     for one in taken[1:]:
         found = found.plus(of.at((slice(None), one)))
@@ -147,8 +170,11 @@ def _of(of: Seen, goal: PlanGoal, over: Over, taken: Sequence[int]) -> float:
 
 
 def _best(of: Seen, goal: PlanGoal, over: Over, beside: Sequence[int]) -> int:
-    """Return the index of the candidate that improves the score most when it is added to the set `beside`
-    (indices, may be empty); the first of equal ones."""
+    """Return the index of the candidate that gives the lowest `score` together with the set `beside`; the
+    first of equal ones.
+
+    `beside` are indices of candidates, perhaps none; `of`, `goal` and `over` are as for `chosen`.
+    """
     if not beside:
         return int(np.argmin(score(of, goal, over)))
     have = together(of, beside)

@@ -23,15 +23,18 @@ Array = NDArray[np.float64]
 
 
 def default_drive(model: Actuator, voltage: bool, frequency: bool) -> Sawtooth:
-    """Return a sawtooth of 1 V and 1 Hz that rests at 0 V, or at the end of the actuator's range closest to
-    0 V. The map replaces its voltage and frequency.
+    """Return the default drive of a map: a sawtooth of 1 V and 1 Hz. The map replaces its voltage and
+    frequency.
+
+    The sawtooth rests at 0 V, or at the end of the actuator's voltage range that is closest to 0 V.
 
     Args:
         model: the actuator.
-        voltage, frequency: True if the map gives voltage and frequency.
+        voltage: True if the user has given voltages for the map.
+        frequency: True if the user has given frequencies.
 
     Raises:
-        QuantityError: voltage or frequency is missing.
+        QuantityError: one of both is False, so that the drive is not defined.
     """
     if not (voltage and frequency):
         lacking = "frequency [Hz]" if voltage else "voltage [V]"
@@ -47,7 +50,8 @@ def drive_columns(
     frequency: Array | None,
     direction: Array | None,
 ) -> dict[str, Array]:
-    """Return the fields of the waveform for each member (point of the map), by name.
+    """Return the fields of the waveform that differ between members (points of the map), by name, arrays
+    [members], SI.
 
     Args:
         waveform: drive of the map.
@@ -97,8 +101,14 @@ def _of_knots(
     frequency: Array | None,
     direction: Array | None,
 ) -> dict[str, Array]:
-    """Return the columns of `drive_columns` for `PeriodicKnots`: times in proportion to the period, voltages
-    scaled about the lowest knot, and mirrored within their range for the direction -1."""
+    """Return the columns of `drive_columns` for `PeriodicKnots`: "period", "time_1", ..., "value_1", ...
+
+    Times are in proportion to the period. Voltages are scaled about the lowest knot, and mirrored within
+    their range for the direction -1.
+
+    Raises:
+        QuantityError: `own` varies a field of the knots, or a constant voltage has no stroke to scale.
+    """
     if own:
         raise QuantityError(
             f"{next(iter(own))!r} is a field of the knots: where it varies, voltage, frequency and direction "

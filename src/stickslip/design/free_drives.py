@@ -29,13 +29,14 @@ from .polygons import Polygons, as_knots, knots
 from .search import Index, Judge, Task, robust
 
 Array = NDArray[np.float64]
-# Fewest samples of a period for a fit.
+# Smallest number of samples in a period of the drive, which limits the frequency of the search.
 SAMPLES = 10.0
 
 
 @record
 class FreeDrives(NamedTuple):
-    """Options of an optimised drive among the candidates of a plan."""
+    """Options of an optimised drive among the candidates of a plan: `knots`, number of voltages within a
+    period; and `trials`, number of drives that the search computes. Both are whole numbers."""
 
     knots: Annotated[float, Quantity("", "n", "values within a period", minimum=3, maximum=32)] = 6
     trials: Annotated[float, Quantity("", "", "drives that are tried", minimum=16, maximum=100_000)] = 320
@@ -57,6 +58,9 @@ def searched(
 ) -> PlannedWalk:
     """Search for the drive of the most informative recording, and return that recording.
 
+    The first knot of the polygon is fixed at the lowest allowed voltage; the other knots and the frequency
+    are searched.
+
     Args:
         asked: options of the search.
         begin: recording with a usual sawtooth, from which the search starts and which gives duration, sample
@@ -66,6 +70,9 @@ def searched(
             if the recording cannot be made.
         seed: seed of the search.
         progress: called with activity and finished fraction.
+
+    Raises:
+        QuantityError: the drive of `begin` does not start with a sawtooth.
     """
     allowed = of_search.Allowed(
         max(limits.min_voltage, 0.0),
@@ -91,8 +98,12 @@ def searched(
 
 
 def there_and_back(shape: Polygons, duration: float) -> Parts:
-    """Return a drive of alternating bursts: of the first polygon of `shape`, and of the same polygon reversed
-    in time, in as many pairs as the duration [s] holds, at least one."""
+    """Return a drive of alternating bursts: of the first polygon of `shape`, and of this polygon reversed in
+    time.
+
+    The drive has as many pairs of bursts as fit into the duration [s], and at least one. The knots of the
+    polygon must be equidistant in time, as those of `polygons.knots`.
+    """
     period, n = float(shape.period[0]), shape.volts.shape[1]
     periods = max(FEWEST, round(BURST / period))
     times = tuple((np.arange(n) * period / n).tolist())
@@ -102,8 +113,11 @@ def there_and_back(shape: Polygons, duration: float) -> Parts:
 
 
 def _polygon(walk: PlannedWalk) -> Polygons:
-    """Return the sawtooth of a recording's first burst as a polygon; raise QuantityError if the recording
-    does not start with a sawtooth."""
+    """Return the sawtooth of a recording's first burst as a single polygon of two knots (0 V and the peak).
+
+    Raises:
+        QuantityError: the recording does not start with a sawtooth.
+    """
     saw = walk.drive.parts[0][0] if isinstance(walk.drive, Parts) else None
     if not isinstance(saw, Sawtooth):
         raise QuantityError(

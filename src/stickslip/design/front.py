@@ -22,11 +22,11 @@ from .sawtooth import best_sawtooth
 from .search import Judge, Task, robust
 from .searched import Searched
 
-# Differential evolution: weight of the difference of two candidates that is added to a third one; and
-# probability that a coordinate of a candidate is replaced.
+# Differential evolution. FACTOR: weight of the difference of two candidates, which is added to a third one.
+# CHANCE: probability that a coordinate of a candidate is replaced by that of this sum.
 FACTOR, CHANCE = 0.5, 0.7
-# Number of candidates in the search for the first goal alone: its result and flatter copies start the
-# population.
+# Number of candidates in the search for the first goal alone. The best drive, and copies of this drive with a
+# smaller voltage swing, are part of the initial population.
 FIRST = 1000
 
 
@@ -36,7 +36,8 @@ class Front:
 
     Attributes:
         waveforms: drive of each point of the front.
-        table: over "point", a variable for each goal, in SI, in its worst condition; `frequency`, Hz.
+        table: over "point": a variable for each goal, named by the goal's label with "_" for spaces: its
+            value in its worst condition, SI; and `frequency`, Hz.
         evaluations: number of computed periodic motions.
         interrupted: True if Ctrl-C stopped the search; the front is then the best one found so far.
     """
@@ -58,7 +59,11 @@ def front_of(
         points: number of candidates in the population, and largest number of points of the front.
         generations: number of generations.
         seed: seed of the search.
-        progress: called after each generation with activity and finished fraction.
+        progress: called after each generation with activity and finished fraction. Ctrl-C ends the search
+            with the best front so far.
+
+    Raises:
+        QuantityError: random sawtooths cause no steady motion, see `Searched.scaled`.
     """
     random = np.random.default_rng([seed, 2])
     one = searched[0].scaled(random)
@@ -82,7 +87,8 @@ def front_of(
         while done < generations and not interrupted:
             a, b, c = (x[random.permutation(points)] for _ in range(3))
             moved = np.where(random.random(x.shape) < CHANCE, a + FACTOR * (b - c), x)
-            moved = np.clip(1.0 - np.abs(1.0 - np.abs(moved)), 0.0, 1.0)  # reflect at the bounds 0 and 1
+            # Coordinates beyond the bounds 0 and 1 are reflected at them.
+            moved = np.clip(1.0 - np.abs(1.0 - np.abs(moved)), 0.0, 1.0)
             every, found = np.concatenate([x, moved]), np.concatenate([merits, _merits(searched, moved)])
             stay = selected(found, points)
             x, merits = every[stay], found[stay]
@@ -96,8 +102,15 @@ def front_of(
 
 
 def _merits(searched: list[Searched], x: Array) -> Array:
-    """Return the merits (to be maximised) of candidates in both goals, each in its worst condition, [n, 2];
-    minus infinity if a condition has no periodic motion. `x` are points of `knots` [n, coordinates]."""
+    """Return the merits of candidates in both goals, each in its worst condition, shape [n, 2].
+
+    A merit is a goal's value with the sign that makes larger values better; minus infinity if a condition has
+    no periodic motion.
+
+    Args:
+        searched: searches of both goals.
+        x: candidates, search points of `polygons.knots`, [n, coordinates] from 0 to 1.
+    """
     one = searched[0]
     shapes = knots(x, one.allowed)
     extras = extras_of(*(of.goal for of in searched))
@@ -108,8 +121,11 @@ def _merits(searched: list[Searched], x: Array) -> Array:
 
 
 def selected(merits: Array, count: int) -> Any:
-    """Return the indices of the `count` candidates that stay in the population, from merits [n, 2]: front by
-    front, and from the last front the candidates in the least crowded places."""
+    """Return the indices of the `count` candidates that stay in the population, from merits [n, 2].
+
+    First all candidates stay that no other one dominates, then those that only these dominate, and so on
+    (front by front). From the last front, the most crowded candidates are removed one by one (see `_gaps`).
+    """
     left, stay = np.arange(len(merits)), list[int]()
     while len(stay) < count:
         front = left[unbeaten(merits[left])]
@@ -130,8 +146,11 @@ def unbeaten(merits: Array) -> Any:
 
 
 def _gaps(merits: Array) -> Array:
-    """Return the crowding distance of each candidate, from merits [n, goals] sorted along the front: the
-    distance between its two neighbours relative to the range, summed over the goals; infinite at the ends."""
+    """Return the crowding distance of each candidate, [n], from merits [n, goals] sorted along the front.
+
+    The crowding distance is the distance between the two neighbours of a candidate, relative to the range and
+    summed over the goals. At both ends of the front it is infinite, so they stay.
+    """
     gaps = np.full(len(merits), np.inf)
     fine = np.where(np.isfinite(merits), merits, 0.0)
     span = np.maximum(np.ptp(fine, axis=0), 1e-300)
@@ -140,13 +159,14 @@ def _gaps(merits: Array) -> Array:
 
 
 def _exact(searched: list[Searched], x: Array, spent: int) -> Front:
-    """Return the front, computed again at the tolerances of a result; drives that are then dominated, or have
-    no periodic motion, are left out.
+    """Return the front of some candidates, computed again at the tolerances of a result.
+
+    Drives that are then dominated, or have no periodic motion in some condition, are left out.
 
     Args:
         searched: searches of both goals.
-        x: candidates, points of `knots` [n, coordinates].
-        spent: number of periodic motions computed so far.
+        x: candidates, search points of `polygons.knots`, [n, coordinates] from 0 to 1.
+        spent: number of periodic motions computed so far, for the front's `evaluations`.
     """
     one = searched[0]
     shapes = knots(x, one.allowed)

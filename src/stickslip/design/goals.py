@@ -1,9 +1,10 @@
 """Goals of a drive signal as records; each gives one number per signal and condition.
 
-`of(shapes, moved)` returns the numbers [n, conditions] of n polygons and their periodic motion;
-`sign` is +1 if the number is to be maximised and -1 if it is to be minimised; `extras` names
-results of the motion besides the net step ("ripple", "backward_rate"). Goals of the voltage alone
-(current, heat) are the same under all conditions, and belong to the signal at the amplifier's input.
+The method `of(shapes, moved)` of a goal returns these numbers [n, conditions], SI, for n polygons of the
+voltage and their periodic motions. `sign` is +1 if the number is to be maximised and -1 if it is to be
+minimised. `extras` names the results of the motion that the goal needs besides the net step ("ripple",
+"backward_rate"). Goals of the voltage alone (current, heat) are the same under all conditions, and belong to
+the signal at the amplifier's input.
 """
 
 from __future__ import annotations
@@ -24,8 +25,12 @@ Array = NDArray[np.float64]
 
 
 class Goal(Protocol):
-    """Interface of a goal: `label` and `unit` for reports; `sign`, +1 or -1, of a goal to be maximised or
-    minimised; `moves`, True if the goal requires motion; `of`, its numbers [n, conditions]."""
+    """Interface of a goal.
+
+    `label` and SI `unit` (of a linear actuator) are for reports; `sign` is +1 for a goal to be maximised, -1
+    for one to be minimised; `moves` is True if the goal is only reached by motion. `of` returns its numbers
+    [n, conditions] for n polygons.
+    """
 
     @property
     def label(self) -> str: ...
@@ -41,8 +46,10 @@ class Goal(Protocol):
 
 @record
 class Speed(NamedTuple):
-    """Goal: largest mean velocity of the end-effector, m/s, towards +x. With `direction` -1, towards -x,
-    where the velocity is negative."""
+    """Goal: largest mean velocity of the end-effector towards +x, m/s, or rad/s for a rotary actuator.
+
+    With `direction` -1 the motion is towards -x, and the velocity is negative.
+    """
 
     direction: Annotated[float, Quantity("", "", "+1 or -1", minimum=-1, maximum=1)] = 1.0
 
@@ -62,7 +69,8 @@ class Speed(NamedTuple):
 
 @record
 class StepSize(NamedTuple):
-    """Goal: smallest deviation of the net step per period from `size`, m, at any allowed frequency."""
+    """Goal: smallest deviation of the net step per period from `size`, at any allowed frequency. Both are in
+    m, or rad for a rotary actuator; a negative size is a step towards -x."""
 
     size: Annotated[float, Quantity("m", "s", "net step that is wanted")]
 
@@ -78,7 +86,8 @@ class StepSize(NamedTuple):
 
 @record
 class Current(NamedTuple):
-    """Goal: smallest peak current into the piezo, A."""
+    """Goal: smallest peak current into the piezo, A: its capacitance times the steepest slope of the
+    voltage."""
 
     capacitance: Annotated[float, Quantity("F", "C", "capacitance of the piezo", above=0)]
 
@@ -90,8 +99,8 @@ class Current(NamedTuple):
 
 
 class Heat(NamedTuple):
-    """Goal: smallest mean loss in the piezo stack, W: the hysteresis loss of all closed cycles of the voltage
-    in a period (`Stack.cycle_loss`), over the period."""
+    """Goal: smallest mean power loss in the piezo `stack`, W: the hysteresis losses of all closed voltage
+    cycles within a period (`Stack.cycle_loss`), divided by the period."""
 
     stack: Stack
 
@@ -107,7 +116,8 @@ class Heat(NamedTuple):
 
 
 class Ripple(NamedTuple):
-    """Goal: smallest deviation of the end-effector from uniform motion, m, peak to peak."""
+    """Goal: smallest deviation of the end-effector from uniform motion within a period, peak to peak, m, or
+    rad for a rotary actuator."""
 
     label, unit, sign, moves, extras = "ripple", "m", -1.0, False, ("ripple",)
 
@@ -116,7 +126,8 @@ class Ripple(NamedTuple):
 
 
 class BackwardRate(NamedTuple):
-    """Goal: smallest backward rate: largest backward motion in a period over the forward motion."""
+    """Goal: smallest backward rate, 0 to 1: the largest backward motion within a period divided by the
+    forward motion (net step plus backward motion)."""
 
     label, unit, sign, moves, extras = "backward rate", "", -1.0, True, ("backward_rate",)
 
@@ -125,7 +136,7 @@ class BackwardRate(NamedTuple):
 
 
 NAMED: dict[str, Any] = {"speed": Speed(), "ripple": Ripple(), "backward_rate": BackwardRate()}
-# Goals that need arguments: the name, and the call in which the user gives the arguments.
+# Goals that have no default because they need arguments: name, and the call with its arguments for a message.
 OTHERS = {
     "step": "StepSize(size)",
     "current": "Current(capacitance)",
@@ -136,8 +147,8 @@ OTHERS = {
 
 
 def extras_of(*goals: Any) -> tuple[str, ...]:
-    """Return the names of the results of a motion, besides the net step, that goals need: "ripple",
-    "backward_rate"."""
+    """Return the names of the results of a motion that the given goals need besides the net step: "ripple",
+    "backward_rate", each once."""
     return tuple(dict.fromkeys(name for goal in goals for name in getattr(goal, "extras", ())))
 
 
@@ -147,16 +158,18 @@ def direction_of(goal: Any) -> float:
 
 
 def swings_of(goal: Any) -> tuple[float, ...]:
-    """Return the amplitudes at which a search for a sawtooth starts, as shares of the voltage range; for the
-    speed only 1, the whole range."""
+    """Return the swings at which a search for a sawtooth starts, as shares of the allowed voltage range.
+
+    For the speed this is only 1, the whole range; for other goals also a half and a quarter of the range.
+    """
     return getattr(goal, "swings", (1.0, 0.5, 0.25))
 
 
 def goal_of(given: Any) -> Any:
-    """Return the goal with a given name, or a given goal itself.
+    """Return a goal that the user has given by name ("speed", "ripple", "backward_rate") or as a record.
 
     Raises:
-        QuantityError: no goal is given, the name is unknown, or a goal of this name needs arguments.
+        QuantityError: `given` is None, an unknown name, the name of a goal that needs arguments, or no goal.
     """
     if given is None:
         raise QuantityError(f"a goal is needed: {', '.join(NAMED)}, or one of {', '.join(OTHERS.values())}")

@@ -18,7 +18,8 @@ from .drives import default_drive, drive_columns
 
 Array = NDArray[np.float64]
 
-# Axes in the order of the arguments of `step_map`; other parameters follow.
+# Named axes of a map, in the order of the arguments of `step_map`: unit, symbol, meaning and range of each.
+# Other parameters of the map have axes after these.
 AXES = {
     "voltage": Quantity("V", "U", "voltage from the least to the greatest value of the drive", minimum=0),
     "frequency": Quantity("Hz", "f", "frequency of the drive", above=0),
@@ -31,9 +32,9 @@ class MapGrid(NamedTuple):
     """Grid of a map: all combinations of the given values.
 
     Fields: `waveform`, the drive; `axes`, the given values by name, SI, arrays [values] or of no dimension
-    for a single number; `dims`, names of the axes with several values, the frequency first; `columns`, fields
-    of model and drive by name, arrays [points], in which the first of `dims` varies slowest; `about`, unit
-    and label of each axis.
+    for a single number; `dims`, names of the axes given as lists, the frequency first; `columns`, fields of
+    model and drive by name, SI, arrays [points], in which the first of `dims` varies slowest; `about`, for
+    each axis a mapping with the keys "units" and "long_name" (label).
     """
 
     waveform: Waveform
@@ -67,8 +68,9 @@ def grid_of(
 
     Args:
         model, waveform: as for `step_map`.
-        axes: values by the names of `AXES`; None for an axis that is not given.
-        parameters: values of other fields by name.
+        axes: values by the names of `AXES`, numbers or lists, in SI or with units; None for an axis that is
+            not given.
+        parameters: values of other fields of model, law or waveform by name, likewise.
 
     Raises:
         QuantityError: see `step_map`.
@@ -109,11 +111,13 @@ def _axis(name: str, quantity: Quantity, values: Any) -> Array:
 
 
 def _columns(model: Actuator, waveform: Waveform, at: Mapping[str, Array], count: int) -> dict[str, Array]:
-    """Return the fields of waveform and model that a map varies or sets, by name, arrays [points].
+    """Return the fields of waveform and model that a map varies or sets, by name, SI, arrays [points].
+
+    The load of the map is added to the model's `external_force`.
 
     Args:
         model, waveform: actuator and drive.
-        at: values of the axes and parameters at each point, by name, arrays [points].
+        at: values of the axes and parameters at each point, by name, SI, arrays [points].
         count: number of points.
     """
     names = record_names(waveform)

@@ -23,20 +23,22 @@ from ..identify.walk.position_channel import CHANNEL
 from ..physics.actuator import Actuator
 from ..recording.chain import Chain
 
-# Duration of rest before the drive starts, s; the mean position in it is the zero of the recording.
+# Duration of the rest before the drive starts, s. A recording's position is measured from the mean position
+# during this rest (its zero).
 BEFORE = 0.1
-# Eigenvalue of A, scaled to a diagonal of 1, relative to the largest one, up to which it is rounding: that
-# combination of coordinates is not identified.
+# Largest eigenvalue, relative to the largest one of the matrix, that counts as rounding: the recordings do
+# not identify that combination of coordinates. The matrix is A of the module, scaled to a diagonal of 1.
 NOTHING = 1e-13
-# If a change of a parameter by its own size changes less than this share of the motion, the change is
-# rounding.
+# Smallest change of the position, relative to its range, that is no rounding error, if a parameter changes by
+# its own value. The derivative by a parameter with a smaller effect is set to 0.
 ROUNDING = 1e-6
 
 Array = NDArray[np.float64]
 
 
 class FitSpace(NamedTuple):
-    """Coordinates of a planned fit: its `parameters`, including those of the channel, and its tied values."""
+    """Coordinates of a planned fit: its free `parameters`, including those of the position channel ("delay",
+    "offset"), and `ties`, the values that follow from free parameters."""
 
     parameters: tuple[Parameter, ...]
     ties: Ties
@@ -48,15 +50,16 @@ class FitSpace(NamedTuple):
 
     @property
     def own(self) -> NDArray[np.bool_]:
-        """Return a mask of the parameters of the actuator."""
+        """Return a mask [k]: True for parameters of the actuator, False for those of the position channel."""
         return np.array([name not in CHANNEL for name in self.names])
 
 
 class Seen(NamedTuple):
     """Information in recordings on the coordinates of a fit.
 
-    Fields: `normal` and `spread`, the matrices A and B of the module, [..., k, k] for k coordinates; the
-    duration [...], s; and `low` and `high`, the least and greatest position [...], m.
+    Fields: `normal` and `spread`, the matrices A and B of the module, [..., k, k] for k coordinates; total
+    `duration` [...], s; and `low` and `high`, the least and greatest position of the end-effector [...], m,
+    or rad for a rotary actuator. Leading axes are draws of the parameters and candidates.
     """
 
     normal: Array
@@ -66,7 +69,8 @@ class Seen(NamedTuple):
     high: Array
 
     def plus(self, other: Seen) -> Seen:
-        """Return the information of both sets of recordings together."""
+        """Return the information of both sets of recordings together: matrices and durations are added, and
+        the range of positions covers both."""
         return Seen(
             self.normal + other.normal,
             self.spread + other.spread,
@@ -76,19 +80,21 @@ class Seen(NamedTuple):
         )
 
     def times(self, share: float) -> Seen:
-        """Return the information of `share` times the recordings."""
+        """Return the information of the recordings repeated `share` times, perhaps a fraction: matrices and
+        duration are multiplied by it."""
         return self._replace(
             normal=share * self.normal, spread=share * self.spread, duration=share * self.duration
         )
 
     def at(self, index: int | slice | tuple[slice, int]) -> Seen:
-        """Return the information of the recordings that an index selects along the leading axes of the
+        """Return the information that an `index` selects along the leading axes (draws, candidates) of all
         arrays."""
         return Seen(*(one[index] for one in self))
 
 
 def stacked(several: Sequence[Seen], axis: int = 0) -> Seen:
-    """Return the information of several recordings as one, their arrays stacked along a new axis."""
+    """Return the information of several recordings as one record: their arrays, of equal shape, are stacked
+    along the new axis number `axis` and not added."""
     return Seen(*(np.stack([one[i] for one in several], axis) for i in range(len(Seen._fields))))
 
 
@@ -97,13 +103,16 @@ def seen(
 ) -> Seen:
     """Return the information in a planned recording on the coordinates of a fit, at the values of a model.
 
+    The arrays of the result have no leading axes; a recording with repetitions counts as often.
+
     Args:
         model: the actuator.
         walk: the recording.
         name: name of the recording in errors.
         space: coordinates of the fit, and values tied to them.
-        chain: chain of the position channel.
-        noise: noise of the samples, m; None: white, with the standard deviation in `walk`.
+        chain: delay and scale of the position channel, and whether a recording is `zeroed`, which adds the
+            error of its zero.
+        noise: noise of the samples with its spectrum; None: white, with the standard deviation in `walk`.
 
     Raises:
         ArithmeticError: the motion cannot be simulated.
@@ -114,7 +123,8 @@ def seen(
     position = motion.position(model, chain.delay)
     sizes = [abs(value_of(model, n)[0]) or np.inf for n in own]
     moves = np.abs(by[:, :-1]).max(axis=0, initial=0.0) * sizes > ROUNDING * np.ptp(position)
-    by = by * np.append(moves, True)  # a derivative that is only rounding would count as information
+    # A derivative that consists of rounding errors would count as information. The last one is by the delay.
+    by = by * np.append(moves, True)
     columns = dict(zip([*own, "delay"], by.T, strict=True)) | {"offset": np.ones(len(by)) / chain.scale}
     values = {p.name: p.start for p in (*space.parameters, *space.ties.beside) if not p.tied}
     j = space.ties.follow(columns, space.ties(values), space.names)
@@ -136,8 +146,11 @@ def seen(
 
 
 def zero_variance(walk: PlannedWalk, noise: Coloured | None) -> float:
-    """Return the variance, m^2, of a recording's zero: the mean of the samples in the rest before the drive.
-    `noise` is the noise of the samples; None: white, with the standard deviation in `walk`."""
+    """Return the variance of a recording's zero, m^2 (rad^2 for a rotary actuator).
+
+    The zero is the mean of the samples in the rest of `BEFORE` seconds before the drive. `noise` is the noise
+    of the samples with its spectrum and drift; None: white, with the standard deviation in `walk`.
+    """
     n = BEFORE * walk.sample_rate
     if noise is None:
         return walk.noise**2 / n
@@ -146,8 +159,12 @@ def zero_variance(walk: PlannedWalk, noise: Coloured | None) -> float:
 
 
 class _Directions(NamedTuple):
-    """Eigensystem of the matrix A, scaled to a diagonal of 1: the scale [..., k, k] by which A was divided,
-    eigenvalues, eigenvectors, and a mask of the null directions, which are not identified."""
+    """Eigensystem of the matrix A of the module, scaled to a diagonal of 1.
+
+    Fields: `scale` [..., k, k], by which the entries of A were divided; eigenvalues `values` [..., k] and
+    eigenvectors `vectors` [..., k, k] (columns); and `null` [..., k], a mask of the eigenvectors that the
+    recordings do not identify (see `NOTHING`).
+    """
 
     scale: Array
     values: Array
@@ -164,12 +181,16 @@ def _directions(of: Seen) -> _Directions:
 
 
 def untold(of: Seen) -> Array:
-    """Return the number of combinations of the coordinates that the recordings do not identify [...]."""
+    """Return the number of linear combinations of coordinates that recordings do not identify, [...]: null
+    eigenvalues of the scaled matrix A."""
     return np.count_nonzero(_directions(of).null, axis=-1).astype(float)
 
 
 def covariance(of: Seen) -> Array:
-    """Return the covariance [..., k, k]; infinite on the diagonal of coordinates that are not identified."""
+    """Return the expected covariance of the fit's coordinates, [..., k, k] (see the module).
+
+    A coordinate that the recordings do not identify has an infinite variance and covariances of 0.
+    """
     scale, values, vectors, null = _directions(of)
     root = np.where(null, 0.0, 1.0 / np.where(null, 1.0, values))
     inverse = (vectors * root[..., None, :]) @ np.swapaxes(vectors, -1, -2)

@@ -18,7 +18,7 @@ SLOWEST, FASTEST = 0.1, 3.0
 
 class Allowed(NamedTuple):
     """Ranges of a drive: least and greatest voltage (`low`, `high`), V; largest `slope`, V/s; least and
-    greatest frequency (`slowest`, `fastest`), Hz; and the output stage."""
+    greatest frequency (`slowest`, `fastest`), Hz; and the `output` stage (converter and amplifier)."""
 
     low: float
     high: float
@@ -41,11 +41,15 @@ def allowed(
 ) -> Allowed:
     """Return the ranges of voltage, slope and frequency that a model and an output stage allow together.
 
+    With a converter, the slope is reduced by one converter step per update, and the frequency range is
+    limited to those with an allowed number of updates in a period.
+
     Args:
         model: the actuator.
-        min_voltage, max_voltage: V; None: the model's (from 0 V if it has no minimum).
+        min_voltage, max_voltage: ends of the voltage range, V; None: those of the model (from 0 V if the
+            model has no least voltage).
         output: output stage; None: without limits.
-        frequency: range (low, high), Hz; None: a range that follows from the model.
+        frequency: range (low, high), Hz; None: a range that follows from the model (see `_usual`).
 
     Raises:
         QuantityError: no drive is allowed, or the model does not allow a voltage; the message names the
@@ -64,8 +68,9 @@ def allowed(
                 f"OutputStage.step = {with_prefix(output.step, 'V')} leaves less than two voltages from "
                 f"{low:g} V to {high:g} V"
             )
-        # Each sample is rounded by up to half a converter step, so two successive ones may change by a step
-        # more than the drive: the slope of the drive must be lower by one step per update.
+        # The converter rounds each sample by up to half a step. So the difference of two successive samples
+        # may be one step larger than that of the drive, and the drive's slope must be lower by one step per
+        # update.
         steps = output.step * output.update_rate
         if slope <= steps:
             raise QuantityError(
@@ -106,8 +111,11 @@ def _voltages(model: Actuator, low: float | None, high: float | None) -> tuple[f
 
 
 def frequencies(given: tuple[float | str, float | str] | None) -> tuple[float, float] | None:
-    """Return a given frequency range (low, high) in Hz, or None if none is given; raise QuantityError unless
-    0 < low < high."""
+    """Return a frequency range given by the user as (low, high) in Hz; None stays None.
+
+    Raises:
+        QuantityError: the range is not a pair of frequencies with 0 < low < high, both finite.
+    """
     if given is None:
         return None
     try:
@@ -123,9 +131,15 @@ def frequencies(given: tuple[float | str, float | str] | None) -> tuple[float, f
 
 
 def _usual(model: Actuator, swing: float) -> tuple[float, float]:
-    """Return the frequency range [Hz] that is searched by default: from 0.1 times the lower to 3 times the
-    higher of the stage's natural frequency and the frequency at which friction can just accelerate the
-    end-effector over the stroke of a voltage `swing` [V]."""
+    """Return the frequency range (low, high) [Hz] that is searched by default, for a voltage `swing` [V].
+
+    The range is from `SLOWEST` times the lower to `FASTEST` times the higher of two frequencies: the stage's
+    natural frequency, and that at which friction can just accelerate the end-effector over the stroke. An
+    unknown frequency (static stage, law without Coulomb force) does not count.
+
+    Raises:
+        QuantityError: both frequencies are unknown.
+    """
     stroke = abs(model.gain) * swing
     force = abs(getattr(model.friction, "coulomb_force", 0.0))
     found = [] if model.static else [model.natural_frequency / (2.0 * math.pi)]

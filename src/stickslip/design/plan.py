@@ -25,8 +25,8 @@ from .choice import PlanGoal, criterion, together
 from .information import BEFORE, Array, Seen, covariance
 from .starting import Start
 
-# Number of standard errors in half a 95 % interval; and half-width over value from which a report says that
-# the linearised interval is only an indication.
+# HALF: number of standard errors in half a 95 % interval. WIDE: half-width, as a share of the value, from
+# which a report says that the linearised interval is only an indication.
 HALF, WIDE = 1.959964, 0.5
 
 
@@ -64,12 +64,12 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """Return the duration of all recordings together, s."""
+        """Return the duration of all recordings together, s, with their repetitions."""
         return math.fsum(walk.duration * walk.repeats for walk in self.recordings.values())
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Return the expected standard error of each parameter, in its unit."""
+        """Return the expected standard error of each parameter by name, SI."""
         value, half = self.dataset["value"].values, self.dataset["half_width"].values
         scale = np.where(value == 0.0, 1.0, np.abs(value))
         return dict(
@@ -78,19 +78,20 @@ class Plan:
 
     @property
     def table(self) -> Any:
-        """Return a pandas DataFrame by parameter: value, unit, half-width with all recordings, the largest
-        half-width over the draws, the one by the default recording, and its ratio to the planned one."""
+        """Return a pandas DataFrame with a row per parameter and the columns "value", "unit", "half_width",
+        "worst_half_width", "default_half_width" and "narrower", as in `dataset`."""
         names = ["value", "half_width", "worst_half_width", "default_half_width", "narrower"]
         return self.dataset[names].to_dataframe().reindex(columns=["value", "unit", *names[1:]])
 
     def drives(self, before: float | str = BEFORE) -> list[Waveform]:
-        """Return the drive of each recording in the file of `save`, in its order, for `identify_friction`.
+        """Return the drives of all recordings in the order of the file that `save` writes, one per
+        repetition, for `identify_friction`.
 
         A known drive is better than the samples of drive_voltage, which do not resolve the flanks of a fast
         sawtooth.
 
         Args:
-            before: s at rest before each drive, as for `save`.
+            before: duration of rest before each drive, s, as for `save`.
         """
         rest = to_si(before, "s", "before")
         found: list[Waveform] = []
@@ -105,11 +106,12 @@ class Plan:
         return self.report()
 
     def report(self) -> str:
-        """Return the plan in words, with a table of the expected uncertainties."""
+        """Return the plan as text, with a table of the expected uncertainties."""
         return _report(self)
 
     def save(self, path: str | os.PathLike[str], **options: Any) -> Path:
-        """Write the plan as an experiment file; see `save_plan`."""
+        """Write the plan as an experiment file and return its path; arguments and errors as for
+        `save_plan`."""
         from .plan_file import save_plan
 
         return save_plan(self, path, **options)
@@ -128,8 +130,8 @@ def of_choice(
     """Return the plan that results from a choice of candidates.
 
     Args:
-        begin: model and parameters of the fit.
-        walks: candidates by name.
+        begin: starting point of the plan: model and parameters of the fit.
+        walks: planned recordings of the candidates by name, in the order of `every`.
         every: information of the candidates, arrays [draws, candidates, ...].
         taken: indices of the chosen candidates, in the order of their information.
         default: information of the default recording, arrays [draws, ...].
@@ -180,7 +182,8 @@ def of_choice(
 def _half_widths(
     free: Sequence[Parameter], own: list[int], every: Seen, steps: Sequence[Seen], default: Seen
 ) -> dict[str, Any]:
-    """Return the variables of the plan's dataset with half-widths of 95 % intervals, by name (see `Plan`).
+    """Return the variables of the plan's dataset with half-widths of 95 % intervals, by name: "half_width",
+    "worst_half_width", "default_half_width", "narrower", "expected" and "alone" (see `Plan`).
 
     Args:
         free: parameters of the actuator.
@@ -189,8 +192,8 @@ def _half_widths(
         steps: information of the first one, two, ... chosen recordings, arrays [draws, ...] each.
         default: information of the default recording, arrays [draws, ...].
     """
-    # Factor from a standard deviation of the coordinate to a half-width relative to the value, or in its unit
-    # if the value is 0.
+    # Factors by which the standard deviation of a coordinate is multiplied to get the half-width of a
+    # parameter as a share of its value, or in the parameter's unit if the value is 0.
     scales = HALF * np.array([p.slope(p.start) / (abs(p.start) or 1.0) for p in free])
 
     def halves(of: Seen) -> Array:
@@ -214,10 +217,11 @@ def _half_widths(
 
 
 def _gain(every: Seen, default: Seen, goal: PlanGoal) -> Array:
-    """Return the factor by which the goal's standard error is smaller with each candidate than with the
-    default recording, [candidates], at the values of the model.
+    """Return the goal's standard error with the default recording over that with each candidate alone,
+    [candidates], at the values of the model.
 
-    Both are compared at equal measuring time: an error falls with the square root of the duration.
+    Both are compared at equal measuring time: an error falls with the square root of the duration. A
+    candidate that does not identify the goal has the factor 0. `every` and `default` are as for `of_choice`.
     """
     usual = criterion(default, goal)[0] + 0.5 * math.log(float(default.duration[0]))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -225,8 +229,8 @@ def _gain(every: Seen, default: Seen, goal: PlanGoal) -> Array:
 
 
 def _wave(walk: PlannedWalk) -> tuple[float, float]:
-    """Return greatest minus least voltage [V] of a recording's drive, and the frequency [Hz] of its first
-    part; NaN if that part has no frequency."""
+    """Return the difference between greatest and least voltage [V] of a recording's drive, and the frequency
+    [Hz] of the drive's first part; NaN if that part has no frequency."""
     drive: Any = walk.drive
     part = drive.parts[0][0] if isinstance(drive, Parts) else drive
     low, high = walk.drive.range()

@@ -45,11 +45,11 @@ def save_plan(
         like: an experiment file whose rig, channels, variables and actuator are taken, but not its runs. By
             default: the virtual bench of [kang2007] with the plan's actuator. The actuator's parameters go to
             a parameter set beside the file, NAME_actuator.toml, if the file cannot contain them.
-        before: s at rest before each drive.
+        before: duration of rest before each drive, s, which becomes the pre-trigger time of each recording.
 
     Raises:
         QuantityError: a waveform cannot be written to a file, `like` has no channel end_effector_position, or
-            it is missing for an actuator that turns.
+            `like` is missing for a rotary actuator.
         InputFileError: `like` is no experiment file.
         FileExistsError: the file exists.
     """
@@ -113,8 +113,12 @@ def _limits(limits: Limits) -> dict[str, float]:
 
 
 def _actuator(model: Actuator, path: Path) -> dict[str, Any]:
-    """Return the section `actuator` of an experiment file: changed values of a known parameter set if these
-    are plain numbers; otherwise a new parameter set, which is written beside `path`."""
+    """Return the section `actuator` of an experiment file, which describes a model.
+
+    If the model differs from a parameter set of the package only by finite numbers and flags, the section has
+    the keys "set" (name), "change" and "friction" (changed values by field, SI). Otherwise a new parameter
+    set is written beside `path`, the path of the experiment file, and "set" names that file.
+    """
     if model.name in available_sets():
         known = load_actuator(model.name)
         if type(known.friction) is type(model.friction) and known.piezo == model.piezo:

@@ -34,14 +34,15 @@ if TYPE_CHECKING:
 # [kang2007, 5.3].
 USUAL = (65.0, 5.0)
 ALL = "all"
-# Smallest steady step, m, whose prediction can be the goal of a plan.
+# Smallest steady step, m, or rad for a rotary actuator, whose prediction can be the goal of a plan.
 LEAST_STEP = 1e-9
 # Largest expected standard error of a parameter, relative to its value, if all candidates are recorded; a
 # parameter with a larger error counts as undetermined.
 LOST = 5.0
 # Largest number of candidates that are also simulated at the draws.
 MOST_FOLLOWED = 24
-# Number of draws, besides the values of the model, at which a drive is optimised.
+# Largest number of draws of the parameters at which a drive is optimised, besides the values of the model.
+# More draws would take too long, because each tried drive is simulated at all of them.
 MOST_SEARCHED = 3
 
 
@@ -173,10 +174,11 @@ def _goal(goal: str | Waveform, starts: Sequence[Start]) -> PlanGoal:
 
 
 def _of_step(at: Start, waveform: Waveform) -> np.ndarray:
-    """Return the derivatives of ln(steady step) by the search coordinates q of the parameters, shape (k,).
+    """Return the derivatives of ln(steady step) by the k coordinates of the fit (logarithms for parameters on
+    a logarithmic scale), shape (k,); 0 for delay and offset of the position channel.
 
     Args:
-        at: one set of parameter values (the model's, or a draw).
+        at: starting point with one set of parameter values (the model's, or a draw).
         waveform: periodic drive that makes the step.
 
     Raises:
@@ -222,11 +224,18 @@ def _simulated(
     limits: Limits,
     progress: Progress,
 ) -> tuple[dict[str, Seen], dict[str, str]]:
-    """Return the information of candidates by name, arrays [draws, ...], and by name the reasons why others
-    are excluded.
+    """Simulate candidates; return the information of each by name, arrays [draws, ...], and the reasons why
+    others are excluded, by name.
 
-    If there are more than `MOST_FOLLOWED` candidates, only the most informative ones at the values of the
-    model are computed at the draws, because of the computing time.
+    If there are more than `MOST_FOLLOWED` candidates, only those that are most informative at the values of
+    the model are simulated at the draws, because of the computing time.
+
+    Args:
+        named: planned recordings by name.
+        starts: starting points: with the model's own values first, then with each draw.
+        goal: goal of the plan.
+        limits: limits of the rig, which the recordings must keep.
+        progress: called for each simulated recording.
     """
     found: dict[str, Seen] = {}
     left_out: dict[str, str] = {}
@@ -258,7 +267,11 @@ def _follow(
     found: dict[str, Seen],
     left_out: dict[str, str],
 ) -> None:
-    """Add the information of a candidate to `found`, or the reason for its exclusion to `left_out`."""
+    """Simulate a candidate; add its information to `found`, or the reason for its exclusion to `left_out`.
+
+    A candidate is excluded if it cannot be simulated, or if it leaves the position limits. Both mappings have
+    the candidate's `name` as key; the information has arrays [draws, ...], one for each of `starts`.
+    """
     try:
         of = stacked([seen(one.model, walk, name, one.space, one.chain, one.colour) for one in starts])
     except (ArithmeticError, QuantityError) as error:
@@ -284,8 +297,12 @@ def _search(
 ) -> None:
     """Optimise a drive, starting from the best candidate, and add its recording as a further candidate.
 
-    The recording is added to `named`, and its information to `found`, or nothing to `found` if the recording
-    cannot be simulated or leaves the limits.
+    The recording is added to `named` under the name "free drive" with its frequency. Its information is added
+    to `found`, unless the recording cannot be simulated or leaves the position limits. `asked` are the
+    options of the search, other arguments as for `_simulated` and `choice.chosen`.
+
+    Raises:
+        QuantityError: the drive of the best candidate does not start with a sawtooth.
     """
     name = min(found, key=lambda one: float(score(found[one], goal, "mean")))
     some = starts[: 1 + MOST_SEARCHED]
@@ -307,7 +324,8 @@ def _search(
 
 def _foremost(found: Mapping[str, Seen], goal: PlanGoal) -> list[str]:
     """Return the names of the most informative candidates, at most `MOST_FOLLOWED`: half of them for the
-    goal, the others for each parameter in turn."""
+    goal, the others for each parameter of the actuator in turn. `found` is the information of candidates by
+    name."""
     names = list(found)
     if len(names) <= MOST_FOLLOWED:
         return names
@@ -326,8 +344,16 @@ def _foremost(found: Mapping[str, Seen], goal: PlanGoal) -> list[str]:
 
 
 def _without_unseen(every: Seen, goal: PlanGoal, begin: Start) -> PlanGoal:
-    """Return the goal without parameters that all candidates together do not identify; raise QuantityError if
-    none remains."""
+    """Return the goal without parameters that all candidates together do not identify (see `LOST`).
+
+    Args:
+        every: information of all candidates, arrays [draws, candidates, ...].
+        goal: goal of the plan.
+        begin: starting point with the parameters of the fit.
+
+    Raises:
+        QuantityError: no parameter remains, or the goal is a single quantity that is not identified.
+    """
     total = Seen(*(one.sum(axis=1) for one in every))
     deviations = np.sqrt(np.diagonal(covariance(total), axis1=-2, axis2=-1)).max(axis=0)
     most = [LOST if p.log else np.finfo(float).max for p in begin.space.parameters]
@@ -351,13 +377,14 @@ def _usual(
     every: Seen,
     taken: Sequence[int],
 ) -> PlannedWalk:
-    """Return the recording with which a plan is compared: `default`, or the sawtooth `USUAL`.
+    """Return the planned recording with which a plan is compared: `default`, or the sawtooth `USUAL`.
 
-    A waveform is recorded for `duration` [s], or for as long as the longest chosen candidate.
+    A waveform is recorded for `duration` [s], or for as long as the longest chosen candidate if that is
+    longer; the sawtooth `USUAL` for at least two of its periods.
 
     Args:
         default: recording or waveform; None: the sawtooth `USUAL`.
-        begin: sample rate, noise and model of the plan.
+        begin: starting point of the plan, with sample rate, noise and model.
         limits: limits of the voltage.
         duration: least duration, s.
         every: information of the candidates, arrays [draws, candidates, ...].

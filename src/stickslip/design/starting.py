@@ -30,8 +30,10 @@ from ..simulation.varied import free_names, with_values
 from ..study.drawn import draws_in_si
 from .information import FitSpace
 
-SAMPLE_RATE = 2e3  # Hz, default sample rate
-# Default number of draws from the normal distribution of a fit, and largest number of draws that are used.
+# Sample rate of planned recordings, Hz, if neither the user nor a fit nor recorded noise gives one.
+SAMPLE_RATE = 2e3
+# DRAWS: default number of draws from the normal distribution of a fit. MOST_DRAWS: largest number of draws of
+# the parameters that a plan uses, because candidates are simulated at each of them.
 DRAWS, MOST_DRAWS = 8, 32
 
 Array = NDArray[np.float64]
@@ -41,8 +43,9 @@ Array = NDArray[np.float64]
 class Start:
     """Starting point of a plan: actuator, coordinates of the planned fit, sampling and noise of the position.
 
-    Fields: `model`; `space` of the fit; `chain` of the position channel; `sample_rate`, Hz; `noise`, standard
-    deviation of a sample, m; and `colour`, the noise with its spectrum, or None if it is white.
+    Fields: `model`; `space`, the coordinates of the fit; `chain` of the position channel; `sample_rate`, Hz;
+    `noise`, standard deviation of a sample, m, or rad for a rotary actuator; and `colour`, the noise with its
+    spectrum, or None if it is white.
     """
 
     model: Actuator
@@ -58,8 +61,8 @@ class Start:
         return [name for name in self.space.names if name not in CHANNEL]
 
     def at(self, values: Values) -> Start:
-        """Return the starting point with other values of the actuator, by name; the position channel is
-        unchanged."""
+        """Return the starting point with other values of the actuator (by name, SI) in its model and its
+        coordinates; delay and offset of the position channel are unchanged."""
         own = {name: x for name, x in values.items() if name not in CHANNEL}
         moved = tuple(_moved(p, own.get(p.name, p.start)) for p in self.space.parameters)
         every = self.space.ties({**{p.name: p.start for p in moved}, **own})
@@ -139,8 +142,11 @@ def _space(
 
 
 def _parameter(model: Actuator, name: str) -> Parameter:
-    """Return a parameter of the model, by name, at the model's value: on a logarithmic scale if it is
-    positive, otherwise on a linear one. A plan does not search, so the parameter has no bounds."""
+    """Return the fit parameter of a field of the model, by name, at the model's value.
+
+    Its scale is logarithmic if the value is positive, otherwise linear. A plan does not search, so the
+    parameter has no upper bound and no prior.
+    """
     value, quantity = value_of(model, name)
     if quantity is None or value > 0.0:
         return _moved(parameter(model, name, {}, coordinate_of(model)), value)
@@ -184,17 +190,19 @@ def _rate(fit: Fit | None) -> float | None:
 def draws_of(
     begin: Start, source: Any, draws: int | Posterior | Mapping[str, Any] | None, seed: int
 ) -> list[Start]:
-    """Return the starting point with the model's own values, and then with each draw of other values.
+    """Return starting points: first with the model's own values, then one for each draw of other values, at
+    most `MOST_DRAWS` of them.
 
     Args:
         begin: starting point of the plan.
         source: actuator or fit from which the plan starts.
-        draws: number of draws from the fit, posterior, or arrays by name; None: 8 for a fit, none for an
-            actuator.
+        draws: number of draws from the fit's normal distribution; a posterior; or arrays by name, of which
+            evenly spaced rows are taken. None: `DRAWS` for a fit, no draws for an actuator.
         seed: seed of the draws from a fit.
 
     Raises:
-        QuantityError: the draws belong to another model, or there is nothing to draw from.
+        QuantityError: the draws belong to another model, their arrays differ in length or are empty, or a
+            number of draws is given without a fit.
     """
     if draws is None:
         draws = DRAWS if isinstance(source, Fit) else 0
@@ -234,8 +242,11 @@ def _given(begin: Start, samples: Mapping[str, Any]) -> list[Values]:
 
 
 def _drawn(begin: Start, fit: Fit, count: int, seed: int) -> list[Values]:
-    """Return draws from the normal distribution of a fit's coordinates, as parameter values by name, clipped
-    at the fit's bounds; coordinates without a finite variance keep the estimate."""
+    """Return `count` draws, at most `MOST_DRAWS`, from the normal distribution of a fit's coordinates:
+    parameter values by name, SI, clipped at the fit's bounds.
+
+    Coordinates without a finite variance keep the estimate.
+    """
     spread = fit.uncertainty.covariance
     sure = np.isfinite(np.diag(spread))
     random = np.random.default_rng(seed)
