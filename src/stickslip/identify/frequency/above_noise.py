@@ -17,15 +17,20 @@ from numpy.typing import NDArray
 from ...estimate.lack import independent_samples
 from ...estimate.result import Fit
 
-# Probability that white noise shows a mode in one fit.
+# Probability of a false alarm: white noise without any mode shows one in a fit. A mode that noise explains
+# with a higher probability is reported as possible noise.
 FALSE_ALARM = 0.01
 
 Array = NDArray[np.float64]
 
 
 class Left(NamedTuple):
-    """Residual of a fit: weighted sum of squares, variance of a weighted residual, share of independent
-    samples, and degrees of freedom."""
+    """Residual of a fit, divided by the noise's standard deviations.
+
+    Fields: `square`, the sum of squares of the residuals; `variance`, this sum per degree of freedom;
+    `share`, the number of independent samples divided by the number of samples (1 for white residuals); and
+    `degrees_of_freedom`.
+    """
 
     square: float
     variance: float
@@ -34,19 +39,20 @@ class Left(NamedTuple):
 
     @classmethod
     def of(cls, fit: Fit) -> Left:
-        """Return the residual of all recordings of a fit."""
+        """Return the residual of all recordings of a fit; without noise levels in the fit, unweighted."""
         parts = [np.asarray(r / n, dtype=float) for r, n in zip(fit.residuals, _noises(fit), strict=True)]
         square = float(sum(part @ part for part in parts))
         share = float(np.mean([independent_samples(part) / part.size for part in parts]))
         return cls(square, square / fit.degrees_of_freedom, share, fit.degrees_of_freedom)
 
     def chance(self, without: float, freedom: int, trials: float) -> float:
-        """Return the probability that noise explains as much as `freedom` parameters do.
+        """Return the probability that noise alone lowers the sum of squares as much as further parameters do.
 
         Args:
             without: weighted sum of squares of the model without these parameters.
             freedom: number of these parameters.
-            trials: number of natural frequencies of which the best is taken.
+            trials: number of natural frequencies from which the search took the best: the probability at one
+                frequency is multiplied by it (and limited to 1).
         """
         more = self.share * max(without - self.square, 0.0) / freedom
         ratio = more / self.variance if self.variance > 0.0 else np.inf
@@ -58,13 +64,15 @@ class Left(NamedTuple):
 def chances(
     fit: Fit, matrices: Sequence[Array], columns: Sequence[Sequence[int]], trials: int
 ) -> list[float]:
-    """Return for each mode the probability that noise explains as much.
+    """Return for each mode the probability that noise alone lowers the sum of squares as much as the mode.
+
+    For the model without a mode, the coefficients of the other modes are fitted again; poles stay.
 
     Args:
-        fit: of complex responses (real parts, then imaginary parts), or of recordings in time.
+        fit: fit of complex responses (real parts, then imaginary parts), or of recordings in time.
         matrices: design matrix of each recording at the values of the fit.
-        columns: for each mode, the columns of the matrices that belong to it.
-        trials: number of natural frequencies of which the best is taken.
+        columns: for each mode, the columns of the matrices that belong to the mode.
+        trials: number of natural frequencies from which the search took the best.
     """
     left, parts = Left.of(fit), []
     for measured, noise, matrix in zip(fit.measured, _noises(fit), matrices, strict=True):
@@ -82,14 +90,16 @@ def chances(
 
 
 def left_by_delay(fit: Fit, frequency: Array, longest: float, gain: bool) -> float:
-    """Return the weighted sum of squares of responses after the best delayed constant gain is subtracted;
-    without `gain`, of the responses themselves.
+    """Return the sum of squares of measured responses, divided by the noise, without any mode.
+
+    With `gain`, the best model of a constant gain and a delay is subtracted first.
 
     Args:
-        fit: of these responses, real parts, then imaginary parts.
-        frequency: Hz, of all samples of the response.
-        longest: longest delay, s.
-        gain: subtract a real gain, one for each response.
+        fit: fit of these responses (real parts, then imaginary parts), for the measured values and their
+            noise.
+        frequency: frequency of each sample of a response, Hz, shape (n,).
+        longest: largest delay that is tried, positive or negative, s.
+        gain: True: subtract a real constant gain, one for each response, with a delay common to all.
     """
     rows = []
     for measured, noise in zip(fit.measured, _noises(fit), strict=True):
@@ -120,8 +130,12 @@ def _noises(fit: Fit) -> Sequence[Any]:
 
 
 def said_of_noise(numbers: Sequence[int], found: Sequence[float]) -> str:
-    """Return a sentence on the modes that may be noise, from their numbers (from 1) and the probabilities
-    that noise explains as much."""
+    """Return one sentence which names the modes that may be noise.
+
+    Args:
+        numbers: numbers of these modes, from 1.
+        found: for each of them, the probability that noise explains as much; the largest is named.
+    """
     several = len(numbers) > 1
     names = ", ".join(str(n) for n in numbers)
     chance = max(found)

@@ -47,7 +47,7 @@ class AmplitudeModel(NamedTuple):
         slope: change per relative change of the amplitude there: relative for natural frequencies and damping
             ratios, in their unit for gain, rate gain and remainder, 0 for the delay.
         exponent: p.
-        amplitude: the reference amplitude, V rms.
+        amplitude: the reference amplitude a_0, V rms.
         lowest, highest: range of the fitted amplitudes, V rms.
     """
 
@@ -98,27 +98,31 @@ def predict_response(
     amplitude: float | str | None = None,
     periodic: bool = True,
 ) -> Array:
-    """Return the response to a drive, each realisation at its own amplitude.
+    """Return the response to a drive; an amplitude-dependent model is used at the drive's own amplitude.
 
     Args:
-        model: result of `identify_levels`, or of `identify_frequency`, which is the same at all amplitudes.
+        model: `model` of a fit by `identify_levels`, or by `identify_frequency`, which is the same at all
+            amplitudes.
         drive: V, shape (samples,), (samples, inputs) or (samples, inputs, realisations); or a recording with
             drive_voltage, of an actuator with one input.
-        sample_rate: Hz; by default that of a recording.
-        amplitude: V rms; by default the rms of the whole drive over all inputs. Give it if the drive contains
-            a long rest.
-        periodic: the drive is whole periods of a steady state, without power above half the sample rate;
-            otherwise it starts at rest, and is held from sample to sample.
+        sample_rate: sample rate of an array, Hz; a recording's own rate is used instead.
+        amplitude: V rms, for all realisations; by default the rms of each realisation's drive about its mean,
+            over all inputs. Give the amplitude if the drive contains a long rest.
+        periodic: True: the drive is whole periods of a steady state, without power above half the sample
+            rate. False: the motion starts at rest, and the drive is held from sample to sample.
 
     Returns:
-        Response in m, in the shape of the drive with outputs for inputs; (samples,) for one output if the
-        drive has that shape.
+        Response in m for gains in m/V, in the shape of the drive with outputs for inputs. A drive of shape
+        (samples,) gives (samples,) for one output, else (samples, outputs).
 
     Raises:
-        FitError: the drive's shape does not fit, it is constant, or its sample rate is missing.
+        QuantityError: the sample rate is not a frequency, or the amplitude not a voltage.
+        RecordingError: the drive_voltage of a recording is missing, too short, not finite or constant.
+        FitError: the drive's shape does not fit, the sample rate of an array is missing, or the amplitude is
+            0, as for a constant drive.
 
     Warns:
-        RecordingWarning: see `at_amplitude`.
+        RecordingWarning: an amplitude is outside the range that the model was fitted to.
     """
     rate, rms = optional_si(sample_rate, "Hz", "sample_rate"), optional_si(amplitude, "V", "amplitude")
     if isinstance(drive, xr.Dataset):
@@ -150,8 +154,8 @@ def _at(model: ModalModel | AmplitudeModel, volts: float) -> ModalModel:
 
 
 def law(ratio: float | Array, p: float) -> Array:
-    """Return the function xi of the amplitude, by which all parameters change (see the module). `ratio` is
-    the amplitude divided by the reference amplitude, p the exponent."""
+    """Return the function xi of the amplitude, by which all parameters change: (ratio^p - 1) / p, or the
+    logarithm for p = 0. `ratio` is the amplitude divided by the reference amplitude."""
     logarithm = np.log(ratio)
     return logarithm * _mean_power(p * logarithm)
 

@@ -32,14 +32,14 @@ from .modal import UNPREDICTED, ModalModel, pole_parameters
 def held_response(
     model: ModalModel, drive: np.ndarray, sample_rate: float, *, periodic: bool = False
 ) -> np.ndarray:
-    """Simulate the response to a drive that is held between samples; return it in m, shape (samples, outputs,
-    ...).
+    """Return the response to a drive that is held between samples, in m for gains in m/V, shape (samples,
+    outputs, ...).
 
     Args:
         model: modes, gains and delay.
         drive: V, shape (samples, inputs, ...).
         sample_rate: Hz.
-        periodic: the drive is one period of a steady state; otherwise it starts at rest.
+        periodic: True: the drive is one period of a steady state; False: the motion starts at rest.
     """
     u, sample = np.moveaxis(drive, 0, -1), 1 / sample_rate
     found = np.einsum("oi,i...->o...", model.remainder, _held_delay(u, model.delay, sample, periodic))
@@ -53,8 +53,8 @@ def held_response(
 def _held_mode(
     drive: np.ndarray, omega: float, zeta: float, delay: float, sample: float, periodic: bool
 ) -> np.ndarray:
-    """Return the responses of one mode with unit gain and with unit rate gain to a drive (..., samples);
-    shape (2, ..., samples).
+    """Return the responses of one mode to a drive, V, shape (2, ..., samples): with unit gain, and with unit
+    rate gain.
 
     The delay need not be a multiple of the sampling interval: a held drive is known at every instant within
     it.
@@ -65,7 +65,7 @@ def _held_mode(
         zeta: damping ratio.
         delay: s.
         sample: sampling interval, s.
-        periodic: the drive is one period of a steady state; otherwise it starts at rest.
+        periodic: True: the drive is one period of a steady state; False: the motion starts at rest.
     """
     A = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * zeta * omega, omega**2], [0.0, 0.0, 0.0]])
     step, within = scipy.linalg.expm(A * sample), scipy.linalg.expm(A * (sample - delay % sample))
@@ -77,7 +77,7 @@ def _held_mode(
         zeros = [u, x * p + v * q + u * poles[1], x * (b * q - d * p) + v * (c * p - a * q) + u * poles[2]]
         begin = np.zeros((*drive.shape[:-1], 2))
         if periodic:
-            # The state that repeats after one period, for the two states of SciPy's form of the filter.
+            # The filter starts in the state (two numbers in SciPy's form) that repeats after one period.
             period = np.linalg.matrix_power([[-poles[1], 1.0], [-poles[2], 0.0]], drive.shape[-1])
             _, end = scipy.signal.lfilter(zeros, poles, delayed, zi=begin)
             begin = end @ np.linalg.inv(np.eye(2) - period).T
@@ -115,21 +115,23 @@ def identify_in_time(
         drive: drive voltage, V, shape (samples, inputs, recordings).
         response: response, in the unit of the numerator of `unit`, shape (samples, outputs, recordings).
         sample_rate: Hz.
-        start: initial poles, and the fixed delay: within a sample, gain and rate gain can
-            replace it. The gains are solved for.
+        start: model with the initial poles. Its delay, less the half sample by which the hold delays (at
+            least 0), is kept fixed: within a sample, gain and rate gain can replace a delay. Its gains are
+            not used; all gains are found by linear least squares.
         periodic: the recordings are one period of a steady state; otherwise they start at rest.
         unit: unit of response per drive.
         correlated: allow for residuals that are correlated in time, as model errors always are.
         tied: poles that follow from others, as for `identify_frequency`.
-        progress: called during the work; see `progress`.
+        progress: called during the work with a text and the fraction done.
 
     Returns:
-        A fit as by `identify_frequency`, without the delay. All samples have equal weights, so the fit
-        follows the largest motion. Its `failures` name modes that may be noise.
+        A fit with the values of `identify_frequency`, always with rate gains and remainder, and without the
+        delay. Its `model`, a `ModalModel`, contains the fixed delay. All samples have equal weights, so the
+        fit follows the largest motion. Its `failures` name modes that may be noise.
 
     Raises:
-        QuantityError: an expression that ties is wrong.
-        FitError: the shapes do not fit.
+        QuantityError: an expression in `tied` is wrong.
+        FitError: the shapes do not fit, or see `fit_least_squares`.
     """
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     if drive.ndim != 3 or response.ndim != 3 or drive.shape[::2] != response.shape[::2]:
@@ -140,7 +142,7 @@ def identify_in_time(
     delay = max(start.delay - sample / 2, 0.0)
 
     def in_rows(simulated: np.ndarray) -> np.ndarray:
-        """Reshape (..., channels, recordings, samples) to (..., channels, rows)."""
+        """Reshape (..., channels, recordings, samples) to (..., channels, rows): all recordings joined."""
         return simulated.reshape(*simulated.shape[:-2], -1)
 
     direct = in_rows(_held_delay(u, delay, sample, periodic))

@@ -17,10 +17,11 @@ from ...physics.electronics import Amplifier, Filter, amplifier_output
 from ...physics.electronics.filters import sections
 from ...quantities.units import to_si
 
-# Oversampling factor and accuracy [V] of the computed output of the amplifier.
+# Computed output of the amplifier: points per sample of the command, and error tolerance [V].
 _FINER, _TOLERANCE = 16, 1e-4
-# Low-pass before the output is sampled: half length in samples, and corner relative to half the sample rate.
-# It passes frequencies up to 0.8 of half the sample rate unchanged.
+# Low-pass filter that band-limits this output before it is sampled: half its length in samples of the
+# command, and corner relative to half the sample rate. Frequencies up to 0.8 of half the sample rate pass
+# unchanged.
 _SPAN, _EDGE = 32, 0.9
 
 
@@ -57,12 +58,14 @@ def applied_voltage(
 
 
 def without_filter(response: xr.Dataset, filter: Filter, sample_rate: float | str) -> xr.Dataset:
-    """Divide a frequency response and its deviations by a known sensor filter; return the corrected response.
+    """Divide a frequency response by a known linear filter of the sensor; return the corrected response.
+
+    Its `deviation` and `noise_deviation` are divided by the magnitude of the filter; `coherence` stays.
 
     Args:
         response: result of `frequency_response`.
-        filter: linear; a sensor's bandwidth is a filter of order 1.
-        sample_rate: Hz, at which the filter runs; for an analogue filter, some ten times its corner
+        filter: filter that the sensor's signal went through; a sensor's bandwidth is a filter of order 1.
+        sample_rate: rate at which the filter runs, Hz; for an analogue filter, some ten times its corner
             frequency.
 
     Raises:

@@ -39,12 +39,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Exponent for two levels, from three levels of a mirror's piezos (0.41 to 0.60); an exponent of 1 predicts
-# the outer levels worse.
+# Exponent p of the amplitude law that is assumed for two levels. Fits of three levels of a mirror's piezos
+# gave 0.41 to 0.60; an exponent of 1 predicts the outer levels worse.
 TWO_LEVELS_EXPONENT = 0.5
 LEAST_EXPONENT, MOST_EXPONENT = -3.0, 4.0  # range of the exponent p of the amplitude law
 STEEPEST = 1.0  # largest slope of a pole: its relative change per relative change of the amplitude
-# Tried relative shifts of all natural frequencies between neighbouring levels; modes are often 1 % wide.
+# Shifts of all natural frequencies between two neighbouring levels that are tried, as natural logarithms of
+# the frequency ratio. Their spacing of 0.5 % is half the usual relative width of a mode.
 SHIFTS = np.linspace(-0.2, 0.2, 81)
 
 
@@ -66,21 +67,23 @@ def identify_levels(
     Args:
         responses: one for each level, from `frequency_response`, or selections of the same outputs and
             inputs; weighted as in `identify_frequency`.
-        modes: their number, or initial values at the middle level; see `identify_frequency`.
+        modes: number of modes, or their initial values at the middle level; see `identify_frequency`.
         amplitudes: V rms of the drive at each level; by default the "drive_rms" of each response.
-        exponent: exponent p of the law, see `amplitude`; by default it is fitted to three or more levels. Two
-            levels do not determine it; it is then 0.5.
+        exponent: fixed exponent p of the law, see `amplitude`; by default it is fitted to three or more
+            levels. Two levels do not determine the exponent; it is then 0.5, and a remark says so.
         complex_modes, remainder, noise_known, correlated, progress: as for `identify_frequency`.
 
     Returns:
-        The fit as by `identify_frequency`, at the reference amplitude (the geometric mean of the levels), and
-        in addition natural_frequency_slope_1, damping_ratio_slope_1, ..., exponent, gain_slope_1, .... Its
-        `model` is an `AmplitudeModel`, for `at_amplitude` and `predict_response`.
+        The fit with the values of `identify_frequency` at the reference amplitude (the geometric mean of the
+        levels), and in addition natural_frequency_slope_1, damping_ratio_slope_1, ..., exponent,
+        gain_slope_1, .... Slopes are changes per relative change of the amplitude: relative for frequencies
+        and damping ratios, in the unit of the value for gains. The fit's `model` is an `AmplitudeModel`, for
+        `at_amplitude` and `predict_response`.
 
     Raises:
         QuantityError: an amplitude is no voltage.
-        FitError: fewer than two different levels, levels of different channels, no amplitudes, or see
-            `identify_frequency`.
+        FitError: fewer than two different levels, levels of different channels, responses without deviations,
+            missing amplitudes, an exponent outside -3 to 4, or see `identify_frequency`.
     """
     given = None if amplitudes is None else [to_si(one, "V", "amplitudes") for one in amplitudes]
     starts_of(modes)
@@ -103,8 +106,13 @@ def identify_levels(
 
 
 def _exponent(given: float | None, n_levels: int) -> tuple[Parameter, tuple[str, ...]]:
-    """Return the exponent of the amplitude law as a parameter of the fit, and a sentence if its value is
-    assumed. It is fixed if it is `given`, or if there are only two levels."""
+    """Return the exponent of the amplitude law as a parameter of the fit, and a tuple of remarks: one
+    sentence if the value is assumed, else empty. The exponent is fixed if it is `given`, or if there are two
+    levels.
+
+    Raises:
+        FitError: the given exponent is outside -3 to 4.
+    """
     remarks: tuple[str, ...] = ()
     if given is None and n_levels == 2:
         given = TWO_LEVELS_EXPONENT
@@ -121,7 +129,12 @@ def _second_half(progress: Progress) -> Progress:
 
 
 def _amplitudes(responses: Sequence[xr.Dataset], given: Sequence[float] | None) -> Array:
-    """Return the amplitude of each level, V rms, shape (levels,)."""
+    """Return the amplitude of each level, V rms, shape (levels,): `given`, or else "drive_rms" of each
+    response.
+
+    Raises:
+        FitError: a response lacks "drive_rms", the numbers differ, or an amplitude is not above 0.
+    """
     if given is None:
         without = [i for i, r in enumerate(responses, 1) if "drive_rms" not in r.coords]
         if without:
@@ -141,8 +154,8 @@ def _with_channels(response: xr.Dataset) -> xr.Dataset:
 
 
 def _check(levels: Sequence[xr.Dataset], volts: Array) -> None:
-    """Raise FitError unless the levels have the same channels and different amplitudes, in ascending
-    order."""
+    """Raise FitError unless there are at least two levels with the same channels, different amplitudes
+    `volts` (V rms, ascending), and deviations above 0."""
     if len(levels) < 2:
         raise FitError("one level does not show what changes with the amplitude: there must be two or more")
     for low, high in pairwise(volts):
@@ -156,8 +169,8 @@ def _check(levels: Sequence[xr.Dataset], volts: Array) -> None:
 
 
 def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: ModalForm) -> Array:
-    """Return the logarithm of the common shift of all natural frequencies at each level, relative to the
-    middle one.
+    """Return the common shift of all natural frequencies at each level, shape (levels,): the natural
+    logarithm of the frequency ratio to the middle level, 0 there.
 
     Modes of two levels are not paired one by one, because weak modes differ between levels.
 
@@ -165,7 +178,7 @@ def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: ModalForm) -> A
         levels: responses at ascending amplitudes.
         poles: natural frequency [rad/s] and damping ratio of each mode at the middle level, then the delay
             [s].
-        kind: coefficients of the modal model.
+        kind: kinds of coefficients that the modal model has.
     """
     middle = len(levels) // 2
     shifts = np.zeros(len(levels))
@@ -185,7 +198,7 @@ def _left(level: xr.Dataset, poles: Array, shift: float, kind: ModalForm) -> flo
         level: responses of the level.
         poles: natural frequency [rad/s] and damping ratio of each mode, then the delay [s].
         shift: logarithm of the factor on all natural frequencies.
-        kind: coefficients of the modal model.
+        kind: kinds of coefficients that the modal model has.
     """
     level = level.isel(frequency=slice(None, None, max(1, level.sizes["frequency"] // LINES_IN_SEARCH)))
     shifted = np.append(poles[:-1].reshape(-1, 2) * [np.exp(shift), 1.0], poles[-1])
@@ -195,8 +208,19 @@ def _left(level: xr.Dataset, poles: Array, shift: float, kind: ModalForm) -> flo
 
 
 class _Levels:
-    """Least-squares problem over all levels. Rows go level by level; the columns are the values at the
-    reference, then the slopes."""
+    """Separable least-squares problem over all levels, for one modal model with slopes.
+
+    The rows of a design matrix go level by level. Its columns belong to the coefficients (gains, rate gains,
+    remainder) at the reference amplitude, and then to their slopes.
+
+    Args:
+        levels: responses at ascending amplitudes.
+        volts: amplitude of each level, V rms, shape (levels,).
+        poles: initial natural frequency [rad/s] and damping ratio of each mode at the middle level, then the
+            delay [s].
+        exponent: exponent of the amplitude law, free or fixed.
+        kind: kinds of coefficients that the modal model has.
+    """
 
     def __init__(
         self, levels: Sequence[xr.Dataset], volts: Array, poles: Array, exponent: Parameter, kind: ModalForm
@@ -211,8 +235,11 @@ class _Levels:
         self.outputs, self.inputs = (levels[0][axis].to_numpy() for axis in ("output", "input"))
 
     def _at_reference(self, poles: Array, exponent: float) -> list[Parameter]:
-        """Return poles, delay and slopes as parameters, from the values at the middle level and the common
-        shift of the modes."""
+        """Return poles and delay at the reference amplitude, and the slopes of the poles, as free parameters.
+
+        Initial values come from `poles`, the values at the middle level, and from a straight line through the
+        common shifts of the modes over the law with this exponent. Slopes of damping ratios start at 0.
+        """
         lowest, highest = min(f[0] for f in self.frequencies), max(f[-1] for f in self.frequencies)
         longest = 10 / highest
         lines = np.stack([np.ones(len(self.levels)), law(self.ratios, exponent)], axis=1)
@@ -228,7 +255,8 @@ class _Levels:
         return found
 
     def recordings(self) -> list[SeparableRecording]:
-        """Return one recording for each channel, with the rows of all levels."""
+        """Return the data of each channel (pair of output and input) for the least squares, one after the
+        other by outputs: the responses of all levels, their deviations, and the names of the coefficients."""
         unit = self.levels[0]["response"].attrs["units"]
         single = self.outputs.size * self.inputs.size == 1
         names = self.kind.names(self.n_modes)
@@ -252,7 +280,8 @@ class _Levels:
         return found
 
     def designs(self, values: Values) -> list[Design]:
-        """Return the design of each channel at these values; it is the same for all channels."""
+        """Return the design matrix and its derivatives for each channel at these values of poles, delay,
+        slopes and exponent by name; all channels have the same."""
         base, slope, p = self._split(values)
         along, by_p = law(self.ratios, p), law_by_exponent(self.ratios, p)
         factors = np.exp(along[:, None] * slope)
@@ -269,7 +298,8 @@ class _Levels:
             rows = []
             for d, x, dx, factor in zip(parts, along, by_p, factors, strict=True):
                 at_level = d.tangent(c[:half] + x * c[half:]) * factor
-                # all columns except that of the delay, which has no slope
+                # The last column belongs to the delay, which has no slope because the amplitude has no
+                # effect.
                 by_slope = (at_level * (base * x))[:, :-1]
                 by_exponent = dx * (d.matrix @ c[half:] + at_level @ (base * slope))
                 columns = [at_level, by_slope, by_exponent[:, None]]
@@ -286,7 +316,8 @@ class _Levels:
         return given[:n], np.append(given[n:-1], 0.0), float(given[-1])
 
     def model(self, fit: Fit) -> AmplitudeModel:
-        """Return the `AmplitudeModel` of a fit."""
+        """Return the `AmplitudeModel` with the values of a fit, valid between the lowest and highest
+        level."""
         base, slope, p = self._split(fit.values)
         rest = np.array([fit.values[q.name] for q in fit.parameters if q.name not in self.names])
         rest = np.moveaxis(rest.reshape(self.outputs.size, self.inputs.size, 2, -1), (2, 3), (0, 1))
@@ -296,6 +327,6 @@ class _Levels:
 
 
 def _slope_of(name: str) -> str:
-    """Return the name of a value's slope, such as gain_slope_1 for gain_1."""
+    """Return the name of a coefficient's slope, such as gain_slope_1 for gain_1 or remainder_slope."""
     kind, _, number = name.rpartition("_")
     return f"{kind}_slope_{number}" if kind else f"{name}_slope"

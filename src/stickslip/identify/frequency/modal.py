@@ -33,16 +33,16 @@ from ...quantities.units import to_si
 from ..free import with_ties
 from .above_noise import FALSE_ALARM, Left, chances, left_by_delay, said_of_noise
 
-# Damping ratios that are tried for a further mode.
+# Damping ratios that are tried as initial values of each mode, if only the number of modes is given.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
 LINES_IN_SEARCH = 1000  # number of frequencies to which a response is thinned for initial guesses
-# Initial delays: shares of the total phase of all modes (half a turn each) by which the slope of the phase
-# may exceed that of the delay.
+# Initial delays: shares of the phase of all modes (half a turn each) that the mean slope of the phase may
+# contain besides the delay.
 TURNED = (0.3, 0.6, 0.9)
 # Largest residual, relative to the deviations, that passes as distortion and weak modes outside the model; a
 # larger one is a failure of the fit.
 MOST_LEFT = 10.0
-LONGEST = 10.0  # delay, in periods of the highest frequency
+LONGEST = 10.0  # largest delay of the first search, in periods of the highest frequency
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 3.0  # range of damping ratios that is searched first
 ANY, POSITIVE = (-math.inf, math.inf), (0.0, math.inf)
 UNPREDICTED = "it is of responses to a drive; predict_response(fit.model, recording) gives its response"
@@ -68,8 +68,8 @@ class ModalModel(NamedTuple):
     remainder: np.ndarray
 
     def state_space(self) -> StateSpace:
-        """Return the model as a linear state-space system; the states are coordinate and velocity of each
-        mode and input."""
+        """Return the model as a linear state-space system with the delay; the states are coordinate and
+        velocity of each mode and input."""
         outputs, inputs = self.remainder.shape
         each, omega = np.eye(inputs), self.natural_frequency
         blocks = [
@@ -86,7 +86,7 @@ class ModalModel(NamedTuple):
 
 
 def modal_response(model: ModalModel, frequency: np.ndarray) -> np.ndarray:
-    """Return the complex frequency response at the frequencies [Hz], shape (frequencies, outputs, inputs)."""
+    """Return the complex frequency response at frequencies [Hz], shape (frequencies, outputs, inputs)."""
     s = 2j * np.pi * np.asarray(frequency)
     modes, rates = _modes(s, model.natural_frequency, model.damping_ratio)
     summed = np.tensordot(modes, model.gain, 1) + np.tensordot(rates, model.rate_gain, 1) + model.remainder
@@ -94,10 +94,9 @@ def modal_response(model: ModalModel, frequency: np.ndarray) -> np.ndarray:
 
 
 def steady_response(model: ModalModel, drive: np.ndarray, sample_rate: float) -> np.ndarray:
-    """Return the steady response to a periodic drive, in m, shape (samples of a period, outputs, ...).
+    """Return the steady response to a periodic drive, in m for gains in m/V, shape (samples, outputs, ...).
 
-    It is computed in the frequency domain, which is exact for a drive without power above half the sample
-    rate.
+    The computation in the frequency domain is exact for a drive without power above half the sample rate.
 
     Args:
         model: modes, gains and delay.
@@ -127,8 +126,8 @@ def identify_frequency(
             frequency is weighted by its `deviation`; without deviations, all weights are equal. Equal weights
             suit a model with too few modes: it then follows the largest motion instead of the most precise
             data.
-        modes: number, or initial natural frequency [Hz] and damping ratio of each; or a model to start from,
-            including its delay. Given a number, the modes are found one after the other, each at the
+        modes: number of modes; or initial natural frequency [Hz] and damping ratio of each; or a model with
+            initial poles and delay. Given a number, the modes are found one after the other, each at the
             frequency where it explains most of the residual, at the best of several delays.
         complex_modes: fit rate gains (B) as well.
         remainder: fit the remainder (D).
@@ -137,7 +136,7 @@ def identify_frequency(
             few modes, and those of `welch_frequency_response`.
         tied: poles and delay that follow from others, as for `identify_friction`; modes are numbered by
             frequency: ``{"damping_ratio_2": "damping_ratio_1"}``.
-        progress: called during the work; see `progress`.
+        progress: called during the work with a text and the fraction done.
 
     Returns:
         A `Fit` with natural_frequency_1 [rad/s], damping_ratio_1, ..., delay [s], gain_1, rate_gain_1, ...,
@@ -147,8 +146,8 @@ def identify_frequency(
 
     Raises:
         QuantityError: an expression in `tied` is wrong.
-        FitError: deviations that are not above 0, too few frequencies for this number of modes, or no mode
-            above the noise.
+        FitError: deviations that are not above 0 or, with `noise_known`, missing; too few frequencies for
+            this number of modes; or no mode above the noise.
     """
     given = starts_of(modes)
     missing = [d for d in ("output", "input") if d not in response["response"].dims]
@@ -166,14 +165,14 @@ def identify_frequency(
         starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
         fit = _fit(response, starts, delay, kind, **options)
     left = Lack("the responses", math.sqrt(fit.reduced_chi_squared), 0.0, "their deviations")
-    # if the noise is known, each response is compared with its own deviations
+    # With known noise, the residuals of each response are compared with its own deviations elsewhere.
     doubts = [left.sentence] if left.ratio > MOST_LEFT and not noise_known and not remarks else []
     return replace(fit, doubts=(*doubts, *_unseen(fit, response, kind)), remarks=(*fit.remarks, *remarks))
 
 
 def _with_deviation(response: xr.Dataset, noise_known: bool) -> tuple[xr.Dataset, tuple[str, ...]]:
-    """Return the response with a `deviation`, and a sentence if it had none; it is then equal at all
-    frequencies, so that all have equal weights."""
+    """Return the response with a `deviation` (if it had none, equal at all frequencies for equal weights),
+    and a tuple with one sentence if it had none. Raises FitError if the noise is said to be known then."""
     if "deviation" in response:
         return response, ()
     if noise_known:
@@ -184,7 +183,7 @@ def _with_deviation(response: xr.Dataset, noise_known: bool) -> tuple[xr.Dataset
 
 
 def _unseen(fit: Fit, response: xr.Dataset, kind: ModalForm) -> tuple[str, ...]:
-    """Return a sentence on the modes that may be noise.
+    """Return a tuple with one sentence on the modes of a fit that may be noise; empty if there are none.
 
     Raises:
         FitError: all of them may be noise.
@@ -211,7 +210,7 @@ def _unseen(fit: Fit, response: xr.Dataset, kind: ModalForm) -> tuple[str, ...]:
 def starts_of(
     modes: int | Sequence[tuple[float | str, float]] | ModalModel,
 ) -> int | tuple[list[tuple[float, float]], float]:
-    """Return the number of modes; or natural frequency [Hz] and damping ratio of each, and the delay [s].
+    """Return the number of modes; or pairs of natural frequency [Hz] and damping ratio, and the delay [s].
 
     Raises:
         QuantityError: a value is not a frequency.
@@ -225,10 +224,10 @@ def starts_of(
 
 
 def _found(response: xr.Dataset, n_modes: int, kind: ModalForm) -> tuple[list[tuple[float, float]], float]:
-    """Return initial values of modes and delay: each mode explains most of the residual of the previous ones.
+    """Return initial values: natural frequency [Hz] and damping ratio of each mode, and the delay [s].
 
-    All frequencies have equal weights here; weighted by deviations, quiet bands would come before large
-    motion.
+    Each mode explains most of the residual of the previous ones. All frequencies have equal weights here;
+    weighted by deviations, quiet bands would come before large motion.
     """
     response = response.assign(deviation=xr.ones_like(response["deviation"]))
     longest = LONGEST / float(response["frequency"][-1])
@@ -253,7 +252,7 @@ def _found(response: xr.Dataset, n_modes: int, kind: ModalForm) -> tuple[list[tu
 
 
 def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[float]:
-    """Return initial guesses of the delay [s] for responses at these frequencies [Hz].
+    """Return initial guesses of the delay [s] for complex responses at these frequencies [Hz].
 
     A delay that is wrong by half a period of a mode leads to a wrong sign of its gain. The mean slope of the
     phase is the sum of the delay and the phase of the modes.
@@ -266,13 +265,15 @@ def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[f
 
 
 class ModalForm(NamedTuple):
-    """Options of a modal model: which coefficients it has besides the gains."""
+    """Kinds of coefficients that a modal model has besides the gains: `complex_modes`, True for rate gains;
+    `remainder`, True for the remainder."""
 
     complex_modes: bool
     remainder: bool
 
     def names(self, n_modes: int) -> list[str]:
-        """Return the names of a channel's coefficients, in the order of the columns of the design matrix."""
+        """Return the names of a channel's coefficients in the order of the design matrix's columns: gain_1,
+        gain_2, ..., rate_gain_1, ..., remainder."""
         kinds = ["gain", "rate_gain"] if self.complex_modes else ["gain"]
         names = [f"{kind}_{m}" for kind in kinds for m in range(1, n_modes + 1)]
         return [*names, "remainder"] if self.remainder else names
@@ -322,8 +323,8 @@ def delay_parameter(longest: float) -> Parameter:
 
 
 def pole_parameters(starts: Sequence[tuple[float, float]], ends: tuple[float, float]) -> list[Parameter]:
-    """Return natural frequency [rad/s], first searched within `ends`, and damping ratio of each mode, as
-    parameters."""
+    """Return parameters natural_frequency_1 [rad/s], damping_ratio_1, natural_frequency_2, ... with these
+    initial values; frequencies are first searched within `ends` [rad/s]."""
     parameters = []
     for m, (omega, zeta) in enumerate(starts, 1):
         frequency = Parameter(f"natural_frequency_{m}", ends[0], *ends, "rad/s", limits=POSITIVE)
@@ -343,8 +344,8 @@ def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: 
 
 
 def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: ModalForm) -> ModalModel:
-    """Return the model of poles (natural frequency and damping ratio of each mode, then the delay) and
-    coefficients, shape (names of `kind`, outputs, inputs)."""
+    """Return the model of poles (natural frequency [rad/s] and damping ratio of each mode, then the delay
+    [s]) and coefficients, in the order of `kind.names`, shape (names, outputs, inputs). Others are 0."""
     n_modes = len(poles) // 2
     zero = np.zeros((n_modes, *coefficients.shape[1:]))
     return ModalModel(
@@ -358,8 +359,8 @@ def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: ModalForm) ->
 
 
 def _modes(s: np.ndarray, omega: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return each mode's response with unit gain and with unit rate gain, two arrays of shape (frequencies,
-    modes)."""
+    """Return each mode's response with unit gain, and with unit rate gain, without delay: two complex arrays
+    of shape (frequencies, modes), at s = i omega [rad/s]."""
     s = s[:, None]
     mode = omega**2 / (s**2 + 2 * zeta * omega * s + omega**2)
     return mode, mode * s / omega

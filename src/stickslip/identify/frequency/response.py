@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 from ...estimate.blas import single_threaded
 from ...quantities.units import to_si
 
-# Smallest drive amplitude at an excited frequency, relative to the largest.
+# Smallest rms amplitude of the drive at which a frequency counts as excited, relative to the largest of all
+# frequencies.
 EXCITED = 0.01
 
 
@@ -40,25 +41,28 @@ def frequency_response(
     frequency, so the realisations need not be orthogonal.
 
     Args:
-        drive: at the mechanism (see `applied_voltage` for a command), shape (samples of a
-            period, inputs, realisations, periods); trailing axes may be omitted.
-        response: the same with outputs for inputs.
+        drive: drive at the mechanism (see `applied_voltage` for a command), in the first of `units`, shape
+            (samples of a period, inputs, realisations, periods); trailing axes may be omitted.
+        response: measured response, in the second of `units`, in the same shape with outputs for inputs.
         sample_rate: Hz.
-        band: frequencies to keep, Hz.
+        band: lowest and highest frequency to keep, Hz.
         smoothing: number of neighbouring frequencies over which variances are averaged, because each has few
             realisations.
         units: units of drive and response.
 
     Returns:
-        Over "frequency" [Hz], "output" and "input" `response`, complex; `deviation`, its standard deviation
-        by noise and nonlinear distortion, from the realisations in excess of the number of inputs (if there
-        are none: by noise alone); `noise_deviation`, the standard deviation by noise alone, from the periods.
-        Each is sqrt(E|error|^2), and NaN
-        without the repetitions. Over "frequency" and "output": `coherence`, the share of the power explained.
-        The coordinate `drive_rms` is the amplitude of the drive, over all inputs, for `identify_levels`.
+        A dataset at the excited frequencies [Hz]. Over "frequency", "output" and "input" (numbers from 1):
+        `response`, complex; `deviation`, its standard deviation by noise and nonlinear distortion, from the
+        realisations in excess of the number of inputs (if there are none: by noise alone); and
+        `noise_deviation`, the standard deviation by noise alone, from the periods. Each deviation is
+        sqrt(E|error|^2), in the unit of the response, and NaN without the repetitions. Over "frequency" and
+        "output": `coherence`, the share of the power that is explained, 0 to 1. The coordinate `drive_rms` is
+        the amplitude of the drive, over all inputs, for `identify_levels`.
 
     Raises:
-        ResponseError: the shapes do not fit, or the inputs cannot be distinguished.
+        ResponseError: the shapes do not fit, values are not finite, or the inputs cannot be distinguished
+            (fewer realisations than inputs, or dependent ones).
+        QuantityError: `sample_rate` or `band` is not a frequency.
     """
     sample_rate, lowest, highest = _hertz(sample_rate, band)
     u, y = _four_axes(drive, "drive"), _four_axes(response, "response")
@@ -70,7 +74,8 @@ def frequency_response(
     if n_realisations < n_inputs:
         raise ResponseError(f"{n_inputs} inputs need as many realisations; there are {n_realisations}")
     frequency = np.fft.rfftfreq(u.shape[0], 1 / sample_rate)
-    # Amplitudes of the mean over the periods, shape (frequencies, channels, realisations).
+    # Complex Fourier amplitudes: U of the drive's mean over the periods, shape (frequencies, inputs,
+    # realisations); Y of the response in each period, with the periods as last axis.
     U = np.fft.rfft(u.mean(axis=3), axis=0) * 2 / u.shape[0]
     Y = np.fft.rfft(y, axis=0) * 2 / u.shape[0]
     power = np.sqrt(np.mean(np.abs(U) ** 2, axis=(1, 2)))
@@ -111,25 +116,30 @@ def welch_frequency_response(
     band: tuple[float | str, float | str] = (0.0, np.inf),
     units: tuple[str, str] = ("V", "m"),
 ) -> xr.Dataset:
-    """Return the response to any other persistent drive (noise, sweeps), by Welch's method with Hann's
-    window.
+    """Return the response to a persistent drive that does not repeat (noise, sweeps), by Welch's method with
+    Hann's window.
 
-    Leakage biases it by about 20 (T/L)^2, with a mode's decay time T and the length L of a segment, however
-    long the record. Neighbouring frequencies share their window, so their errors are correlated: identify
-    with `correlated=True`. Use `frequency_response`, which has neither fault, for a drive that repeats (also
-    a chirp); the returned variables are described there. Noise and distortion cannot be distinguished, so
-    `noise_deviation` is NaN.
+    Leakage biases the response by the relative error 20 (T/L)^2, about, with a mode's decay time T and the
+    length L of a segment, however long the record. Neighbouring frequencies share their window, so their
+    errors are correlated: identify with `correlated=True`. Use `frequency_response`, which has neither fault,
+    for a drive that repeats (also a chirp).
 
     Args:
-        drive: shape (samples,) or (samples, inputs).
-        response: shape (samples,) or (samples, outputs).
+        drive: in the first of `units`, shape (samples,) or (samples, inputs).
+        response: in the second of `units`, shape (samples,) or (samples, outputs).
         sample_rate: Hz.
         segment: number of samples in a segment; segments overlap by half.
-        band: frequencies to keep, Hz.
+        band: lowest and highest frequency to keep, Hz.
         units: units of drive and response.
 
+    Returns:
+        A dataset as by `frequency_response`, at all frequencies of the band except 0. Noise and distortion
+        cannot be distinguished here, so `noise_deviation` is NaN.
+
     Raises:
-        ResponseError: the shapes do not fit, or the record is too short for as many segments as inputs.
+        ResponseError: the shapes do not fit, values are not finite, or the record is too short: it must have
+            more than two segments for each input.
+        QuantityError: `sample_rate` or `band` is not a frequency.
     """
     sample_rate, lowest, highest = _hertz(sample_rate, band)
     u, y = _four_axes(drive, "drive")[:, :, 0, 0].T, _four_axes(response, "response")[:, :, 0, 0].T
@@ -140,8 +150,8 @@ def welch_frequency_response(
         raise ResponseError(f"{u.shape[1]} samples are too few for segments of {segment}")
 
     def spectra(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Return cross spectra between the channels of a and b, shape (frequencies, channels of a, channels
-        of b). SciPy conjugates its first argument."""
+        """Return cross spectra a b* between the channels of a and b, shape (frequencies, channels of a,
+        channels of b). The arguments are exchanged because SciPy conjugates its first one."""
         _, s = scipy.signal.csd(b[None, :], a[:, None], sample_rate, nperseg=segment)
         return np.moveaxis(s, -1, 0)
 
@@ -152,8 +162,8 @@ def welch_frequency_response(
     G = yu @ inverse
     measured = np.real(np.diagonal(yy, axis1=1, axis2=2))
     explained = np.real(np.diagonal(G @ _adjoint(yu), axis1=1, axis2=2))
-    # Hann segments that overlap by half contain as much information as 18/19 as many independent ones
-    # [welch1967].
+    # Hann segments that overlap by half contain as much information as 18/19 of their number of independent
+    # segments [welch1967].
     freedom = averages * 18 / 19 - len(u)
     rest = np.maximum(measured - explained, 0) * averages / freedom
     factor = np.real(np.diagonal(inverse, axis1=1, axis2=2))[:, None, :] / averages * 19 / 18
@@ -165,7 +175,7 @@ def welch_frequency_response(
 
 
 def drive_rms(drive: ArrayLike) -> float:
-    """Return the rms amplitude of a drive, V, over all samples, inputs and realisations, without their means.
+    """Return the rms amplitude of a drive, V, over all samples, inputs and realisations, each about its mean.
 
     Args:
         drive: V, shape (samples, ...).
@@ -175,7 +185,7 @@ def drive_rms(drive: ArrayLike) -> float:
 
 
 def _hertz(sample_rate: float | str, band: tuple[float | str, float | str]) -> tuple[float, float, float]:
-    """Return the sample rate and the ends of the band, in Hz."""
+    """Return sample rate, lowest and highest frequency of the band, in Hz."""
     lowest, highest = band
     return to_si(sample_rate, "Hz", "sample_rate"), to_si(lowest, "Hz", "band"), to_si(highest, "Hz", "band")
 

@@ -8,26 +8,28 @@ from ...physics.actuator import Actuator, StageModes
 from ...quantities.units import QuantityError
 from .modal import ModalModel
 
-# Largest part of the response, relative to the static stroke, that a stage of real modes may omit.
+# Largest rate gain or remainder, relative to the sum of the modes' static gains, that is ignored because a
+# stage of real modes cannot have it.
 LEFT_OUT = 0.02
 
 
 def with_modes(actuator: Actuator, modes: ModalModel, output: int = 0, drive: int = 0) -> Actuator:
     """Return the actuator with the stage of a modal model that `identify_frequency` has fitted.
 
-    The mode with the largest stroke becomes the main mode, the others `further_modes`. A response to the
+    The mode with the largest static gain becomes the main mode, the others `further_modes`. A response to the
     voltage does not show how the contact force acts on each mode. So the main mode keeps the actuator's
     `stage_mass`, and friction does not act on the others until their `mass` is set.
 
     Args:
         actuator: actuator whose stage is replaced.
-        modes: with real modes and no remainder: ``identify_frequency(..., complex_modes=False,
-            remainder=False)``. Its delay belongs to the channel and is left out.
-        output: number of the output that is the position under the contact.
-        drive: number of the input that is the drive voltage.
+        modes: modal model with real modes and no remainder, as the `model` of
+            ``identify_frequency(..., complex_modes=False, remainder=False)``. Its delay belongs to the
+            channel and is left out.
+        output: index, from 0, of the output that is the position under the contact.
+        drive: index, from 0, of the input that is the drive voltage.
 
     Raises:
-        QuantityError: the model has parts, above 2 % of its stroke, that a stage of real modes cannot have.
+        QuantityError: the rate gains or the remainder exceed 2 % of the sum of the modes' gains.
     """
     gain = np.asarray(modes.gain)[:, output, drive]
     stroke = abs(float(gain.sum()))

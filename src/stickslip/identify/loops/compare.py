@@ -34,7 +34,8 @@ from .fit import OBSERVED, identify_loops
 if TYPE_CHECKING:
     import xarray as xr
 
-# Initial guess of the displacement over which the contact yields, relative to the stroke.
+# Initial guess of the displacement over which the contact yields, relative to the stroke (the peak-to-peak
+# position).
 YIELD_SHARE = 0.2
 
 
@@ -42,10 +43,18 @@ def candidates(recordings: xr.Dataset | Sequence[xr.Dataset], max_elements: int 
     """Return a candidate for every friction law of the package, with initial values from the size of the
     loops.
 
-    Coulomb friction starts at half the range of the force, presliding at a fifth of the stroke, the Stribeck
-    velocity at a tenth of the largest speed (99th percentile). Maxwell slip comes with 1, 2, ...
-    `max_elements` elements that yield one after the other. Parameters that a prescribed motion does not show
-    are left out: stiction of the laws without presliding, and damping of the reset integrator's bristle.
+    Coulomb friction starts at half the range of the force. The displacement over which a contact yields
+    starts at a fifth of the stroke, the Stribeck velocity at a tenth of the largest speed (99th percentile).
+    Maxwell slip comes with 1, 2, ... `max_elements` elements that yield one after the other. Parameters that
+    a prescribed motion does not show are not fitted: stiction of `StictionCoulombViscous`, and damping of the
+    reset integrator's bristle.
+
+    Args:
+        recordings: with position [m] (rad) and friction_force [N] (N m).
+        max_elements: largest number of elements of Maxwell slip.
+
+    Raises:
+        RecordingError: a channel is missing, too short or constant.
     """
     found = recordings_of(recordings)
     names = names_of(found)
@@ -120,11 +129,14 @@ def compare_laws(
     Args:
         recordings: friction loops to fit, as for `identify_loops`.
         verification: friction loops to judge by, each simulated from its first sample.
-        laws: the candidates; by default all laws of the package.
-        channel_free: free parameters of the force channel, the same for all laws: "bias", "curvature",
-            "drift".
-        progress: called before each law; see `progress`.
+        laws: the candidates; by default all laws of the package, from `candidates`.
+        channel_free: free parameters of the force channel, the same for all laws, such as "bias",
+            "curvature" or "drift".
+        progress: called before each law with a text and the fraction of laws that is done.
         options: further arguments of `identify_loops`.
+
+    Returns:
+        The fits and the goodness of their predictions, by the label of the law.
 
     Raises:
         RecordingError, QuantityError, FitError: as `identify_loops`.

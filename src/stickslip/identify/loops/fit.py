@@ -63,15 +63,16 @@ from .starts import loop_starts, stribeck_starts
 if TYPE_CHECKING:
     import xarray as xr
 
-# Terms that are reported if they explain residuals but are not free.
+# Terms of the equation above (c, a, q) that are reported if they would explain residuals but are not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)  # first search range of the load exponent p
-# Limits of a contact whose force grows with its load, and that has friction in both directions.
+# Limits of the search (lower, upper) that physics sets: the force does not fall with the load, and friction
+# opposes the motion in both directions.
 LIMITS = {"load_exponent": (0.0, math.inf), "asymmetry": (-0.99, 0.99)}
-# Largest number of restarts at a stiffness with a lower residual, and the relative decrease of the sum of
-# squares that it needs.
+# CLIMBS: largest number of times that the fit starts again at another stiffness with a lower sum of squares.
+# SAME_COST: smallest relative decrease of the sum of squares for such a start.
 CLIMBS, SAME_COST = 3, 1e-6
-# Relative step of numerical derivatives: its effect is far above the error of a simulation at 1e-9 m.
+# Relative step of numerical derivatives: its effect on the force far exceeds simulation errors at 1e-9 m.
 DIFFERENCE_STEP = 1e-3
 
 
@@ -100,30 +101,31 @@ def identify_loops(
     at rest: the noise of a single first sample persists until the contact slips and widens the intervals. The
     intervals do not include the error of equal deflections, which are wrong just after a reversal. Between
     samples the motion is smooth (see `sampled`). If the motion passes the Stribeck range too quickly to
-    determine the Stribeck velocity, the other values are fitted again with it fixed at other values, and the
-    intervals contain all that fit.
+    determine the Stribeck velocity, the other values are fitted again at several fixed Stribeck velocities,
+    and the intervals contain all of these fits that the noise does not reject.
 
     Args:
         recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;
-            or with an angle [rad] and a torque [N m] as these, and all parameters in units of these.
-        model: law record; its values are the start, and its forces hold at `reference_normal_force`.
+            or with an angle [rad] and a torque [N m] in these channels, and all parameters in their units.
+        model: friction law with the initial values; its forces hold at `reference_normal_force`.
         free: parameters to fit: scalar fields of the law, values of its elements ("stiffness_2"),
             "stiction_ratio" and "breakaway_share" (see `identify_friction`), and "bias", "contact_offset",
-            "asymmetry", "curvature", "drift" and "load_exponent" (see above). Each a name or a `Parameter`,
-            as for `identify_friction`.
+            "asymmetry", "curvature", "drift" and "load_exponent": b, q, a, h, c and p of the module's
+            equation. Each is a name or a `Parameter`, as for `identify_friction`.
         reference_normal_force: N; the recordings then have normal_force [N], and the law's forces follow it,
             in proportion unless load_exponent is free. By default, the normal force is constant.
-        bounds: of free parameters, in SI or as strings, by default they are searched within a factor 30 of
-            the initial guess and of an estimate from the size of the loops first, and then as far as the law
-            allows. For values of the channel that estimate is the largest force, half its inverse, or the
-            inverse of the duration.
-        priors: independent knowledge of free parameters, as for `identify_friction`; they need a
-            given noise.
+        bounds: lower and upper bound of free parameters by name, in SI or as strings. By default they are
+            searched within a factor 30 of the initial guess and of an estimate from the size of the loops
+            first, and then as far as the law allows. For values of the channel that estimate is the largest
+            force, half its inverse, or the inverse of the duration.
+        priors: value and standard deviation of free parameters by name, as for `identify_friction`; priors
+            need a given noise.
         tied: parameters that follow from others, as for `identify_friction`:
             ``{"strength_2": "0.5 * strength_1"}``.
-        noise: standard deviation of the force, N; by default estimated from the residuals.
-        starts, seed, max_evaluations, progress: as `identify_friction`.
-        tolerance: m, on the deflections; never more than a millionth of the stroke.
+        noise: standard deviation of the force, N (N m); by default estimated from the residuals.
+        starts, seed, max_evaluations, progress: as for `identify_friction`.
+        tolerance: largest error of the deflections in the simulation, m; never more than a millionth of the
+            stroke.
         correlated: the uncertainty allows for residuals that are correlated in time, as model errors are. The
             correlation comes from the residuals as in `identify_friction`; with a given `noise`, from a
             window over lags.
@@ -133,9 +135,9 @@ def identify_loops(
         of the channel, simulated from the first sample.
 
     Raises:
-        RecordingError: a channel is missing, too short or constant; the force is clipped; a channel is noise,
-            or the force does negative work.
-        QuantityError: a name that cannot be free, or bounds that do not fit.
+        RecordingError: a channel is missing, too short or constant; the force is clipped; a channel is noise;
+            the force does negative work; or only one of position and force is rotary.
+        QuantityError: a name that cannot be free, priors without a noise, or bounds that do not fit.
         FitError: see `fit_least_squares`.
     """
     tolerance = to_si(tolerance, "m", "tolerance")
@@ -217,8 +219,9 @@ def _lowest(
     less: Callable[[Fit], float],
     *how: Any,
 ) -> Fit:
-    """Return the fit at the lowest minimum; searches also start at other Stribeck velocities, see
-    `profiled`."""
+    """Return the fit at the lowest minimum; searches also start at other Stribeck velocities and, for a wrong
+    law, at other stiffnesses. The intervals contain the other solutions of `profiled`. `described` returns
+    the problem of given parameters; `how` are the arguments of `_searched` after `less`, the budget last."""
     problem = described(parameters)
     fit = _searched(problem, begins, less, *how)
     if how[-1].over:
@@ -241,8 +244,8 @@ def _with_other_stiffnesses(
     search: Callable[[Sequence[Values]], Fit],
     less: Callable[[Fit], float],
 ) -> Fit:
-    """Return the fit, or a better one at another stiffness. If the law is wrong, the intervals include other
-    stiffnesses that fit as well."""
+    """Return the fit, or a better one at another stiffness, with intervals that include other stiffnesses
+    that fit as well; unchanged without a single free stiffness, or if the law describes the forces."""
     name, points, counts = stiffness_of(fit), (), less(fit)
     if name is None or counts <= 1.0:
         return fit
@@ -266,8 +269,8 @@ def _searched(
     progress: Progress,
     budget: EvaluationBudget,
 ) -> Fit:
-    """Return the lowest minimum of searches from the initial guesses `begins` and, if `starts` is above 1,
-    from `starts` - 1 random ones within the bounds. `less` returns the factor by which excesses of
+    """Return the fit at the lowest minimum of searches from the initial guesses `begins` and, if `starts` is
+    above 1, from `starts` - 1 random ones within the bounds. `less` returns the factor by which excesses of
     chi-squared are divided, as in `lowest`."""
     problem.budget = budget
 
@@ -302,18 +305,18 @@ def _residuals(
 
 
 def _unasked(had: Collection[str]) -> list[str]:
-    """Return the terms to report if a fit has not included them; `had` are the names that it has.
+    """Return the names in `NOTICED` that are not in `had`, the free and tied parameters of a fit.
 
-    Without a varying load an offset may belong to the channel.
+    With a free bias "contact_offset" is left out: under a constant load both have the same effect.
     """
     return [n for n in NOTICED if n not in had and not (n == "contact_offset" and "bias" in had)]
 
 
 def _coordinate(recordings: Sequence[xr.Dataset]) -> Coordinate:
-    """Return what the motion is: a length with a force, or an angle with a torque.
+    """Return the coordinate of the motion: a length (with a force), or an angle (with a torque).
 
     Raises:
-        RecordingError: only one of the two is rotary.
+        RecordingError: only one of position and force is rotary.
     """
     motion, force = unit_of(recordings, "position"), unit_of(recordings, OBSERVED)
     along = coordinate_of(motion)
@@ -327,8 +330,8 @@ def _coordinate(recordings: Sequence[xr.Dataset]) -> Coordinate:
 def _reach(
     recordings: Sequence[xr.Dataset], measured: Sequence[NDArray[np.float64]], origin: float
 ) -> dict[str, float]:
-    """Return the largest plausible size of each value in `CHANNEL`, except the exponent, by name, from the
-    measured forces [N] and the duration since the time `origin` [s]."""
+    """Return the largest plausible size, SI, of each value in `CHANNEL` except the exponent, by name, from
+    the measured forces [N] and the time from `origin` [s] to the last sample."""
     largest = max(float(np.max(np.abs(force))) for force in measured)
     span = max(float(r["time"].values[-1]) for r in recordings) - origin
     return {
@@ -347,10 +350,11 @@ def _with_inexact(
     model: Any,
     settings: tuple[float | None, float, float],
 ) -> tuple[Fit, list[float]]:
-    """Return the fit with further uncertainty, and the rms of its effect on each recording.
+    """Return the fit with further uncertainty, and the rms of its effect on each recording's force [N].
 
-    The causes are converter steps and noise of the recorded position and normal force, their sampling, and
-    converter steps of the force. The rms does not include the last.
+    The causes are noise of the initial force, converter steps and noise of the recorded position and normal
+    force, their sampling, and converter steps of the force. The rms contains the effects of position, normal
+    force and sampling only. `settings` are reference, origin and tolerance of `response_of`.
     """
     names, squares, best = names_of(recordings), np.zeros(len(recordings)), fit.values
 
@@ -382,7 +386,8 @@ def _with_inexact(
 def _slope(
     fit: Fit, name: str, responses: Sequence[Callable[..., Any]], model: Any, reach: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    """Return the derivatives of all forces by a term that is not free, shape (samples,)."""
+    """Return the derivatives of all forces by a term of the channel that is not free, shape (samples of all
+    recordings,)."""
     h = DIFFERENCE_STEP * reach[name]
     sides = [
         np.concatenate([response(model, {**fit.values, name: x}) for response in responses]) for x in (h, -h)

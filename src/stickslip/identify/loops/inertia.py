@@ -39,7 +39,8 @@ from ..recorded.screen import refuse_loop
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of windows that start within the length of one: they share little noise and use most of the data.
+# Number of averaging windows that start within the length of one window. Two half-overlapping windows share
+# little noise and use most of the data.
 OVERLAP = 2
 # SMOOTHED: the velocity is averaged over 1/32 of a window before its sign is taken. AT_REST: a velocity below
 # this number of standard deviations of its noise has the sign 0.
@@ -53,7 +54,7 @@ UNPREDICTED = (
     "position does not show; its remarks say what the body leaves of the averages"
 )
 NAMES = ("mass", "viscous", "coulomb_force", "offset")
-# Units of inertia, viscous and Coulomb friction.
+# Units of mass, viscous friction and Coulomb friction (also of the offset) for a linear motion.
 UNITS = ("kg", "N s/m", "N")
 
 
@@ -74,13 +75,13 @@ def identify_inertia(
             those of its noise; a quarter of the motion's period is a good choice.
         position, force: names of the position and force channels.
         tied: parameters that follow from others, as for `identify_friction`; ``{"viscous": "'0 N s/m'"}`` is
-            a body without it.
+            a body without viscous friction.
 
     Returns:
         A fit of mass [kg or kg m^2], viscous [N s/m or N m s/rad], coulomb_force and offset [N or N m]; the
-        residuals are those of the averaged force. The uncertainty includes the noise of the position. Its
-        `failures` name a mass or viscous friction below zero: the sign of a channel is wrong, or the position
-        is delayed.
+        residuals are those of the averaged force. The uncertainty includes the noise of the position.
+        `failures` of the fit name a mass or viscous friction below zero: the sign of a channel is wrong, or
+        the position is delayed. `remarks` name recordings that the model does not explain.
 
     Raises:
         RecordingError: a channel is missing, too short, constant or noise, or the force does negative work.
@@ -125,11 +126,18 @@ def identify_inertia(
 def _left(
     fit: Fit, forces: Sequence[Array], moved: Sequence[tuple[_Averages, Array]], shaken: Array
 ) -> tuple[str, ...]:
-    """Return a sentence on each recording whose residual of the averaged force exceeds the effect of its
-    noise."""
+    """Return a sentence on each recording whose residual of the averaged force exceeds the effect of the
+    noise of force and position.
+
+    Args:
+        fit: fit of the averages.
+        forces: recorded force of each recording, [n].
+        moved: averages and recorded position of each recording.
+        shaken: effect of the position's noise, from `_by_noise_of_position`.
+    """
     assert fit.jacobian is not None
     directions = decomposed(fit.jacobian)[0]
-    # the residual does not contain what the fit absorbs
+    # The fitted values absorb a part of the noise's effect, so this part is not in the residual.
     shaken = shaken - directions @ (directions.T @ shaken)
     by_position = np.split(np.mean(shaken**2, axis=1), np.cumsum([a.begins.size for a, _ in moved])[:-1])
     said = []
@@ -147,10 +155,15 @@ def _left(
 
 
 def _weighted(left: Array, variance: Array, values: Array) -> tuple[float, float]:
-    """Return the weighted root mean squares of residuals [windows], and of their noise with this variance.
+    """Return two weighted root mean squares, N (N m): of residuals, and of the noise with this variance.
 
-    One sample of the wrong sign can make the residual of one window many times larger. Weighted by the
-    variance, such a window hides no misfit of the others.
+    One sample of the velocity with the wrong sign can make the residual of one window many times larger.
+    Weighted by the inverse variance, such a window hides no misfit of the others.
+
+    Args:
+        left: residual of the averaged force in each window, [windows].
+        variance: variance of the noise of each average, [windows].
+        values: averaged forces, whose range sets a smallest standard deviation, [windows].
     """
     least = NOTHING * float(np.ptp(values)) or 1.0
     weight = 1.0 / (variance + least**2)
@@ -159,8 +172,9 @@ def _weighted(left: Array, variance: Array, values: Array) -> tuple[float, float
 
 
 def _doubts(fit: Fit) -> tuple[str, ...]:
-    """Return a sentence on a negative mass or viscous friction; empty if both are possible. Viscous friction
-    is negative if its interval is, with the false-alarm probability of the lack-of-fit tests."""
+    """Return a tuple with one sentence on a negative mass or viscous friction; empty if both are possible.
+    Viscous friction counts as negative if its whole confidence interval is below 0, at the false-alarm
+    probability of the lack-of-fit tests."""
     if fit.values["mass"] < 0.0:
         return ("the mass is negative: the force or the position has the wrong sign",)
     if fit.confidence_intervals(1.0 - 2.0 * fit.judgement.false_alarm)["viscous"][1] < 0.0:
@@ -173,10 +187,15 @@ def _vector(values: Values) -> Array:
 
 
 def _by_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) -> Array:
-    """Return the effect of the position's noise on the averages, shape (windows, draws). The noise level
-    comes from fourth differences.
+    """Return the changes of the predicted average force, N (N m), by random noise of the position, shape
+    (windows of all recordings, draws).
 
-    When the body reverses, each sample of the draws has a sign, also where the design matrix has none.
+    The noise has the level that the position itself shows (`noise_level`). In the noisy positions the sign of
+    every velocity counts, also where the design matrix takes it as uncertain.
+
+    Args:
+        fit: fit of the averages.
+        moved: averages and recorded position of each recording.
     """
     random, vector = np.random.default_rng(0), _vector(fit.values)
     columns = []
@@ -205,8 +224,17 @@ def _exact(weights: Array, shape: Array, s: Array, moments: Sequence[float]) -> 
 
 
 class _Averages:
-    """Weighted averages over the windows of one recording: integrals, each divided by the integral of the
-    window."""
+    """Weighted averages over overlapping windows of one recording: integrals of a channel times a window
+    function (or its derivative), each divided by the integral of the window function.
+
+    Args:
+        time: times of the samples, s, at equal intervals.
+        window: length of a window, s.
+        where: name of the recording in errors.
+
+    Raises:
+        FitError: the window has fewer than `FEWEST` samples, or is longer than the recording.
+    """
 
     def __init__(self, time: Array, window: float, where: str) -> None:
         interval = float(time[-1] - time[0]) / (time.size - 1)
@@ -234,17 +262,17 @@ class _Averages:
         return values[self.begins[:, None] + np.arange(self.size)]
 
     def of(self, values: Array) -> Array:
-        """Return the averages of a channel, shape (windows,)."""
+        """Return the averages of a channel, in its unit, shape (windows,)."""
         return self._windows(values) @ self.shape
 
     def _sign(self, position: Array, *, passes: bool = False) -> Array:
-        """Return the sign of the velocity; 0 if it is uncertain. With `passes`, uncertain signs at a reversal
-        are also decided."""
+        """Return the sign of the smoothed velocity at each sample, -1 or 1, shape (n,); 0 where noise or
+        curvature make it uncertain. With `passes` no sign is treated as uncertain."""
         velocity = scipy.ndimage.uniform_filter1d(np.gradient(position), self.smooth, mode="nearest")
         sign = np.sign(velocity)
         if not passes:
-            # Error of the mean velocity and of the differences if the velocity is curved; a second mean shows
-            # two thirds of it.
+            # A moving mean of a curved velocity, and differences of the position, have an error. A second
+            # moving mean changes the velocity by two thirds of this error.
             curved = 1.5 * np.abs(
                 scipy.ndimage.uniform_filter1d(velocity, self.smooth, mode="nearest") - velocity
             )
@@ -252,12 +280,15 @@ class _Averages:
         return sign
 
     def design(self, position: Array, *, passes: bool = False) -> Array:
-        """Return the averages of acceleration, velocity, sign of the velocity and 1, shape (windows, 4): the
-        columns for mass, viscous friction, Coulomb friction and offset. `passes`: see `_sign`."""
+        """Return the design matrix, shape (windows, 4): the averages of acceleration, velocity, sign of the
+        velocity and 1, which mass, viscous friction, Coulomb friction and offset multiply.
+
+        `position` contains the samples, m (rad); for `passes` see `_sign`.
+        """
         x, sign = self._windows(position), self._sign(position, passes=passes)
         return np.column_stack([x @ self.bend, -x @ self.slope, self.of(sign), np.ones(self.begins.size)])
 
     def unsure(self, position: Array) -> Array:
-        """Return the variance of the average sign if each uncertain sign is drawn at random, shape
-        (windows,)."""
+        """Return the variance of the average sign of the velocity, shape (windows,), if each uncertain sign
+        is -1 or 1 at random."""
         return self._windows(self._sign(position) == 0.0) @ self.shape**2

@@ -22,11 +22,14 @@ ALIKE = 0.25
 
 
 def misfit(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> float:
-    """Return the weighted sum of squares of a law in excess of white noise; 0 for a correct law.
+    """Return the sum of squared residuals in excess of white noise; 0 if the law describes all recordings.
+
+    Only recordings whose rms residual is clearly above the white noise of their forces count. The sum is in
+    N^2 (N^2 m^2), or divided by the squared noise if the fit has one.
 
     Args:
         fit: fit of the recordings.
-        measured: measured forces of each recording.
+        measured: measured forces of each recording, N (N m), shape (n,).
     """
     squares = 0.0
     for i, (g, force) in enumerate(zip(fit.recordings, measured, strict=True)):
@@ -48,7 +51,8 @@ def alike(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> float:
 
 
 def said_minima(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> list[str]:
-    """Return a doubt (one sentence) if a wrong law has several equivalent minima; otherwise an empty list."""
+    """Return a list with one sentence if the law does not describe the recordings and the fit has several
+    equivalent minima; otherwise an empty list. `measured` are the forces of each recording."""
     if not fit.minima or not misfit(fit, measured):
         return []
     return [

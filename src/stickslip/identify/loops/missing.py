@@ -24,8 +24,8 @@ from ..recorded.known_noise import more_than_white, white_noise
 if TYPE_CHECKING:
     import xarray as xr
 
-# Largest usual residual relative to the range of the force: that of the simplest presliding law on measured
-# loops. A larger one is a doubt.
+# Largest usual rms residual, relative to the range of the force: Dahl's law leaves as much on measured loops.
+# A larger residual is a doubt, not a remark.
 MEASURED = 0.05
 # Viscous friction that would explain more than this share of the residual sum of squares is a doubt, not a
 # remark.
@@ -35,7 +35,11 @@ Array = NDArray[np.float64]
 
 
 class Slope(NamedTuple):
-    """A term that is not free: derivatives of all forces by it, and its largest plausible size."""
+    """A term of the force that is not free.
+
+    Fields: `name` of the term; `reach`, its largest plausible size, SI; `by`, the derivatives of all forces
+    by the term, shape (samples of all recordings,).
+    """
 
     name: str
     reach: float
@@ -43,8 +47,9 @@ class Slope(NamedTuple):
 
 
 def viscous_slope(recordings: Sequence[xr.Dataset], along: Coordinate) -> Slope:
-    """Return viscous friction as a `Slope`: the derivative of the force by the coefficient is the velocity of
-    all recordings, joined, m/s. The name is the unit of the coefficient, and the size is not limited."""
+    """Return viscous friction as a `Slope`: the derivative of the force by the coefficient is the velocity,
+    m/s (rad/s). Its name is the unit of the coefficient, and its size is not limited. `along` is the
+    coordinate of the motion, which determines this unit."""
     velocity = [
         np.gradient(one["position"].values.astype(float), one["time"].values, edge_order=2)
         for one in recordings
@@ -53,7 +58,8 @@ def viscous_slope(recordings: Sequence[xr.Dataset], along: Coordinate) -> Slope:
 
 
 def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tuple[list[str], list[str]]:
-    """Return remarks and doubts on terms that would lower the sum of squares by more than noise does.
+    """Return two lists of sentences, remarks and doubts, on terms that would lower the sum of squares by more
+    than noise does.
 
     A changing speed looks like a drift to a law without viscous friction. So the term that explains most is
     reported, and others only if they explain something in addition.
@@ -61,8 +67,8 @@ def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tu
     Args:
         fit: fit of the loops.
         model: friction law of the fit.
-        viscous: viscous friction as a term.
-        others: other terms that are not free.
+        viscous: viscous friction, from `viscous_slope`; not tested if the law's sigma_2 is fitted.
+        others: terms of the channel in `NOTICED` that are not free.
     """
     asked = [one for one in others if gain(fit, one.by) > ASKED]
     # A free viscous coefficient sigma_2 also changes the initial state of the prediction, which would look
@@ -80,8 +86,15 @@ def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tu
 
 
 def left_over(fit: Fit, measured: Sequence[Array], inexact: Sequence[float]) -> tuple[list[str], list[str]]:
-    """Return remarks and doubts on recordings with residuals above the white noise of their forces and above
-    the effect of noise of position and load (`inexact`, root mean squares in N)."""
+    """Return two lists of sentences, remarks and doubts, on recordings with residuals above their noise.
+
+    A residual is a doubt if it also exceeds the share `MEASURED` of the range of the force.
+
+    Args:
+        fit: fit of the loops.
+        measured: measured forces of each recording, N (N m).
+        inexact: rms effect of noise and sampling of position and normal force on each recording, same unit.
+    """
     remarks, doubts = [], []
     for g, force, left in zip(fit.recordings, measured, inexact, strict=True):
         words = (g.name, g.unit, "forces", "the contact follows another law")
@@ -92,7 +105,8 @@ def left_over(fit: Fit, measured: Sequence[Array], inexact: Sequence[float]) -> 
 
 
 def _explained(fit: Fit, one: Slope) -> float:
-    """Return the share of the residual sum of squares that a further free term would explain, linearised."""
+    """Return the share, 0 to 1, of the residual sum of squares that a further free term would explain,
+    linearised; 0 without residuals."""
     left = sum(float(r @ r) for r in _with(fit, one).residuals)
     whole = sum(float(r @ r) for r in fit.residuals)
     return 1.0 - left / whole if whole > 0.0 else 0.0
@@ -121,7 +135,7 @@ def _said_viscous(fit: Fit, model: Any, viscous: Slope, share: float) -> str:
 
 
 def _said(fit: Fit, one: Slope) -> str:
-    """Return a sentence on a term that is not free and explains residuals."""
+    """Return a sentence with the linearised size of a term of the channel that would explain residuals."""
     found = step(fit, one.by)
     unit = fit.recordings[0].unit
     percent = abs(100.0 * found / one.reach)

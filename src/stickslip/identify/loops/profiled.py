@@ -24,21 +24,23 @@ from ...estimate.problem import FitError, Problem
 from ...estimate.result import Fit
 
 NAME, POINTS = "stribeck_velocity", 7  # profiled parameter; number of values over its interval
-# Ratio of successive fixed stiffnesses (half a decade), and their number on each side (three decades).
+# Ratio of successive fixed stiffnesses (half a decade), and their largest number on each side of the estimate
+# (three decades).
 RUNG, RUNGS = math.sqrt(10.0), 6
-# relative tolerance of the sum of squares, far below the differences between minima of a wrong law
+# Relative tolerance of the sum of squares at which a fit with fixed stiffness ends. It is far below the
+# differences between minima of a wrong law.
 ROUGHLY = 1e-4
-# Two neighbouring points are equal if their chi-squared differs by less than this share of the rejection
-# limit. A stiffness far above the presliding that the samples show has no effect, and the stiffest contacts
-# take longest to simulate.
+# Largest difference of chi-squared between two neighbouring fixed stiffnesses that fit equally well, as a
+# share of the rejection limit. A stiffness far above the presliding that the samples show has no effect, and
+# the stiffest contacts take longest to simulate; so the search ends there.
 FLAT = 0.05
 
 
 def profile_points(
     fit: Fit, parameters: Sequence[Parameter], described: Callable[[Sequence[Parameter]], Problem]
 ) -> tuple[Fit, ...]:
-    """Return fits with the Stribeck velocity fixed at values over its interval; an empty tuple if that is
-    narrow, or the velocity is not free.
+    """Return fits with the Stribeck velocity fixed at `POINTS` values over its confidence interval; an empty
+    tuple if the interval is narrow, or if the velocity is not free or the only free parameter.
 
     If a value ended at its bound, the interval is not usable, and the bounds of the velocity are used.
 
@@ -59,8 +61,8 @@ def profile_points(
 
 
 def stiffness_of(fit: Fit) -> str | None:
-    """Return the name of the law's stiffness; None if the user has given its bounds, if the law has several
-    stiffnesses, or if nothing else is fitted."""
+    """Return the name of the law's only free stiffness; None if the user has given its bounds, if several or
+    none are free, or if nothing else is fitted."""
     names = [p.name for p in fit.parameters if p.unit in ("N/m", "N m/rad") and p.limits is not None]
     return names[0] if len(names) == 1 and len(fit.parameters) > 1 else None
 
@@ -72,8 +74,10 @@ def ladder(
     parameters: Sequence[Parameter],
     described: Callable[[Sequence[Parameter]], Problem],
 ) -> tuple[Fit, ...]:
-    """Return fits with one value fixed at increasing distances from the estimate, on either side, until two
-    successive ones are rejected or, upwards, two fit equally well.
+    """Return fits with one value fixed at increasing distances from the estimate, on either side.
+
+    A side ends after `RUNGS` fits, when noise rejects two successive ones, when the model cannot be computed
+    or, upwards, when two successive ones fit equally well.
 
     Args:
         fit: fit of all parameters.
@@ -107,8 +111,12 @@ def _fixed(
     described: Callable[[Sequence[Parameter]], Problem],
     tolerance: float = 1e-7,
 ) -> Fit | None:
-    """Return the fit of all other parameters with the named value fixed (SI); None if the model cannot be
-    computed there."""
+    """Return the fit of all other parameters with the named value fixed at `value` (SI), started at the
+    values of `fit`; None if the model cannot be computed there.
+
+    `tolerance` is the relative tolerance of the sum of squares; `parameters` and `described` are as for
+    `profile_points`.
+    """
     begin = {**fit.values, name: value}
     fixed = [
         q
@@ -131,7 +139,7 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
         fit: fit of all parameters.
         points: fits with the named value fixed.
         name: name of the fixed value.
-        less: factor that reduces an excess of chi-squared.
+        less: factor by which an excess of chi-squared is divided; see `misfit.alike`.
     """
     if not points:
         return fit
@@ -141,7 +149,9 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
     others = []
     if name == NAME:
         ends = (p.lower, p.upper)
-    else:  # the points end where two are rejected; if the last one fits, values beyond it do, too
+    else:
+        # The points end where noise rejects two of them. If the outermost point fits, values beyond it may
+        # fit.
         ends = min(tried := [one.values[name] for one in (fit, *points)]), max(tried)
     for one in points:
         # A fit with the value fixed does not contain the value's prior, so the prior's cost is added.
@@ -167,8 +177,11 @@ def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float 
 
 
 def _beyond(p: Parameter, value: float, ends: tuple[float, float]) -> tuple[int, float, float]:
-    """Return how an `Uncertainty` describes a value: at which end of the search it lies (-1, 0, 1), how the
-    cost rises there, and its variance. A value that fits at an end may fit beyond it too."""
+    """Return three entries of an `Uncertainty` for a fixed value: `bounded` (-1 or 1 at the lower or upper
+    end of the searched range `ends`, 0 between them), `push` and `released`.
+
+    A value that fits at an end may fit beyond it too, so its interval is open there; not for user's bounds.
+    """
     if p.limits is None or ends[0] < value < ends[1]:
         return 0, 0.0, 0.0
     return (-1 if value <= ends[0] else 1), math.inf, 1.0

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 OBSERVED = "friction_force"
-# Values besides the law's, with units: those of the channel, and further ones of the contact.
+# Parameters of the force channel and of the contact besides those of the law, with their units for a linear
+# motion; see the equation in `fit`.
 CHANNEL = {
     "bias": "N",
     "contact_offset": "N",
@@ -32,11 +33,13 @@ CHANNEL = {
     "drift": "1/s",
     "load_exponent": "",
 }
-# Smallest normal force with friction, relative to the reference; below it the contact starts relaxed.
+# Smallest initial normal force with friction, relative to the reference. Below it the elements of the contact
+# start without deflection.
 UNLOADED = 0.02
-# Largest deviation of a position at rest, in standard deviations of its noise.
+# Largest deviation of a position at rest from the first sample, in standard deviations of the noise.
 SAME = 4.0
-# Largest tolerance relative to the stroke; a larger one distorts short strokes by more than the noise.
+# Largest error tolerance of the deflections, relative to the stroke. A larger one distorts the force of short
+# strokes by more than the noise.
 FINEST = 1e-6
 # Largest error of the law's force in a step, relative to the range of the recorded force. A stiff contact
 # slips after less than the tolerance; without this limit its force would be simulation error, with minima
@@ -45,8 +48,12 @@ FORCE_ERROR = 1e-6
 
 
 class LoopPrediction(NamedTuple):
-    """Prediction of the force channel by a law with its values. The settings are those of `identify_loops`;
-    `origin` [s] is the time at which drift is zero."""
+    """Prediction of the force channel by a friction law with fitted values.
+
+    Fields: `law`, whose parameters `values` (by name, SI; also those of `CHANNEL`) replaces; and the settings
+    `reference_normal_force` [N] (None: constant), `origin`, the time at which the drift is zero [s], and
+    `tolerance` [m] of the deflections, as for `response_of`.
+    """
 
     law: Any
     values: Values
@@ -55,7 +62,13 @@ class LoopPrediction(NamedTuple):
     tolerance: float
 
     def predict(self, recording: xr.Dataset) -> NDArray[np.float64]:
-        """Return the predicted force [N], shape (n,), simulated from the recording's first sample."""
+        """Return the predicted force, N (N m), shape (n,), simulated from the recording's first sample, where
+        the contact carries the recorded force.
+
+        Raises:
+            RecordingError: a channel is missing or unsuitable.
+            ArithmeticError: the contact cannot be simulated.
+        """
         return response_of(recording, names_of([recording])[0], *self[2:])(self.law, self.values)
 
 
@@ -66,11 +79,14 @@ def own_of(values: Values) -> Values:
 def response_of(
     recording: xr.Dataset, name: str, reference: float | None, origin: float, tolerance: float
 ) -> Callable[[Any, Values], NDArray[np.float64]]:
-    """Return a function that takes a friction law and values by name (of the law and of `CHANNEL`), and
-    returns the predicted force of the channel, N, shape (n,).
+    """Return a function that takes a friction law and values by name (of the law and of `CHANNEL`, SI), and
+    returns the predicted force of the channel, N (N m), shape (n,).
+
+    The function raises ArithmeticError for values at which the contact cannot be simulated.
 
     Args:
-        recording: with position [m] and friction_force [N], of which only the start is used.
+        recording: with position [m] (rad) and friction_force [N] (N m). The prediction starts at the force
+            before the motion; the range of the force limits the error of the simulation.
         name: name of the recording in messages.
         reference: normal force [N] for which the law holds; None if the normal force is constant.
         origin: time at which the drift is zero, s.
@@ -85,7 +101,8 @@ def response_of(
     first = float(np.median(force_shown[: at_rest(position)]))
     most = FORCE_ERROR * float(np.ptp(force_shown))
     load = np.ones(time.size)
-    if reference is not None:  # a measured normal force has noise; a contact cannot be pulled
+    if reference is not None:
+        # Noise can make a measured normal force negative, but a contact cannot be pulled.
         load = np.maximum(channel(recording, "normal_force", name) / reference, 0.0)
 
     def response(model: Any, values: Values) -> NDArray[np.float64]:
@@ -105,7 +122,8 @@ def response_of(
                 initial_force=begin,
                 initial_velocity=float(velocity[0]) if begin else 0.0,
             )
-        except SimulationError as error:  # a fit then shortens its step
+        except SimulationError as error:
+            # A search shortens its step after an ArithmeticError.
             raise ArithmeticError(str(error)) from error
         force = found.force[at]
         states = found.states[at] if elements(law) else np.sign(force)[:, None]
@@ -117,8 +135,8 @@ def response_of(
 
 
 def _within(law: Any, error: float, tolerance: float) -> float:
-    """Return the tolerance [m] of the deflections of a law's elements, reduced if a deflection of that size
-    changes an element's force by more than `error` [N]."""
+    """Return the tolerance of the deflections of a law's elements, m (rad): `tolerance`, or less if a
+    deflection of that size changes the force of the stiffest element by more than `error` [N]."""
     stiffest = 0.0
     for one in (element(law, e) for e in range(elements(law))):
         stiffest = max(stiffest, (rate(one, 0.0, tolerance)[0] - rate(one, 0.0, 0.0)[0]) / tolerance)
@@ -126,14 +144,15 @@ def _within(law: Any, error: float, tolerance: float) -> float:
 
 
 def at_rest(position: NDArray[np.float64]) -> int:
-    """Return the number of samples before the motion starts: those whose position equals the first one within
-    its noise."""
+    """Return the number of samples before the motion starts: those from the first on whose position [n]
+    equals the first one within the noise."""
     gone = np.abs(position - position[0]) > SAME * noise_level(position)
     return int(np.argmax(gone)) if np.any(gone) else position.size
 
 
 def _odd_part(shown: float, values: Values) -> float:
-    """Return the force F of the law that is measured as `shown`: q + F + a|F| + h F^2."""
+    """Return the force F of the law, N, for the force `shown` = q + F + a|F| + h F^2 without bias, load and
+    drift; q, a and h are contact_offset, asymmetry and curvature in `values`."""
     rest = shown - values.get("contact_offset", 0.0)
     side = 1.0 + math.copysign(values.get("asymmetry", 0.0), rest * values.get("asymmetry", 0.0))
     curvature = values.get("curvature", 0.0)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Share of the rms residual that sampling may cause before it is reported.
+# Rms error of the force by sampling, as a share of the rms residual, above which the fit gets a remark.
 MUCH = 0.5
 # An interval between two samples is divided into PIECES if the velocity changes in it by more than the share
 # CHANGES of the smaller speed.
@@ -36,11 +36,16 @@ def between(time: Array, position: Array, velocity: Array) -> tuple[Array, Array
     """Return the motion with interpolated points between samples where its velocity changes much, mainly at
     reversals.
 
-    The interpolation is the cubic through two samples with the velocities at them. A body at rest stays at
-    rest.
+    The interpolation is the cubic through two samples with the velocities at them. A body at rest (three
+    equal positions in a row) stays at rest.
+
+    Args:
+        time: times of the samples, s, [n].
+        position: positions, m (rad), [n].
+        velocity: velocities, m/s (rad/s), [n].
 
     Returns:
-        Time [s], position [m], and the indices of the original samples in them.
+        Times [s] and positions with the interpolated points, and the indices of the original samples in them.
     """
     rests = np.diff(position) == 0.0
     still = np.zeros(time.size, dtype=bool)
@@ -59,12 +64,14 @@ def between(time: Array, position: Array, velocity: Array) -> tuple[Array, Array
 def with_sampling(
     fit: Fit, recordings: Sequence[xr.Dataset], response: Callable[[xr.Dataset], Array]
 ) -> tuple[Fit, list[float]]:
-    """Return the fit with the uncertainty by sampling, and the mean square of its effect on each recording.
+    """Return the fit with the uncertainty by sampling and a remark on each recording that is sampled too
+    coarsely; and the mean square of the sampling error of each recording's force, N^2 (N^2 m^2).
 
     Args:
         fit: fit of the recordings.
-        recordings: over "time".
-        response: function that returns the force at a recording's samples, by the values of the fit.
+        recordings: recordings over "time" [s].
+        response: function from a recording to the force at its samples, N, shape (n,), predicted with the
+            values of the fit.
     """
     errors = []
     for recording in recordings:
@@ -72,7 +79,8 @@ def with_sampling(
         error = np.zeros(size)
         if size >= 2 * FEWEST_SAMPLES:
             shown = response(recording)
-            # A sample just after a reversal is in only one of the halves; both start with the first sample.
+            # Each half contains every second sample and the first one, from which the simulation starts. A
+            # sample just after a reversal is in only one half, so both are needed.
             for half in (np.arange(0, size, 2), np.append(0, np.arange(1, size, 2))):
                 error[half] = (shown[half] - response(recording.isel(time=half))) / 3.0
         errors.append(error)

@@ -13,10 +13,12 @@ from ...estimate.parameter import REACH, Parameter, Values
 if TYPE_CHECKING:
     import xarray as xr
 
-# Displacements at which the contact yields, relative to the stroke: from hardly sampled to the whole stroke.
+# Displacements over which the contact yields in the initial guesses, relative to the stroke. The smallest is
+# hardly resolved by samples; the largest is the whole stroke.
 YIELDS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 
-# Stribeck velocities relative to the largest speed; initial stiction over Coulomb friction.
+# FALLS: Stribeck velocities of the initial guesses, relative to the largest speed. RATIO: stiction over
+# Coulomb friction in these guesses.
 FALLS, RATIO = (0.003, 0.01, 0.03, 0.1, 0.3), 1.2
 
 Array = NDArray[np.float64]
@@ -28,17 +30,19 @@ def loop_starts(
     measured: Sequence[Array],
     given: Container[str],
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return the parameters within bounds for the loops, and further initial guesses.
+    """Return the parameters with bounds that include all initial guesses, and further initial guesses (values
+    by name, SI), one for each of `YIELDS`.
 
     Coulomb friction starts at half the range of the force. The contact yields over some share of the stroke,
     so there is one initial stiffness for each of `YIELDS`. For a law of several elements, all stiffnesses
-    keep their ratios, and so do all strengths.
+    keep their ratios, and so do all strengths. Without a free force or stiffness on a logarithmic scale, the
+    parameters are unchanged and there are no further guesses.
 
     Args:
         parameters: parameters with the user's initial guess.
-        recordings: with position [m].
-        measured: measured force of each recording, N.
-        given: names of parameters whose bounds the user has given.
+        recordings: with position [m] (rad).
+        measured: measured force of each recording, N (N m).
+        given: names of parameters whose bounds the user has given; these bounds stay.
     """
     force = 0.5 * max(float(np.ptp(x)) for x in measured)
     stroke = max(float(np.ptp(r["position"].values)) for r in recordings)
@@ -66,14 +70,15 @@ def loop_starts(
 def stribeck_starts(
     parameters: Sequence[Parameter], values: Values, recordings: Sequence[xr.Dataset]
 ) -> list[Values]:
-    """Return initial guesses with other Stribeck velocities; an empty list if that is not free.
+    """Return initial guesses (values by name, SI) with other Stribeck velocities and a stiction of `RATIO`
+    times Coulomb friction; an empty list if the Stribeck velocity is not free.
 
-    A search that starts far above the Stribeck range, or without stiction, does not find it.
+    A search that starts far above the Stribeck range, or without stiction, does not find the range.
 
     Args:
         parameters: free parameters.
-        values: initial guess that is modified.
-        recordings: with position [m].
+        values: initial guess that is modified, by name, SI.
+        recordings: with position [m] (rad).
     """
     limits = {p.name: (p.lower, p.upper) for p in parameters}
     if "stribeck_velocity" not in limits:
