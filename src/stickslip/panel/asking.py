@@ -1,4 +1,7 @@
-"""Origin of the request that is being answered: its page, address and role."""
+"""Origin of the request that the server is answering: its page, network address and role.
+
+A context variable holds the origin, so that log lines and checks of roles need no argument for it.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,9 @@ from typing import NamedTuple
 class Asker(NamedTuple):
     """Sender of a request.
 
-    `page` is the public name of its page (see `shown`), `address` the client's network address ("" outside of
-    requests), `role` the role of its token: "watch", "operate" or "maintain".
+    `page` is the public name of the browser page (see `shown`), "" without one. `address` is the client's
+    network address, "" outside of requests. `role` is the role of the client's token: "watch", "operate" or
+    "maintain" (see `roles`).
     """
 
     page: str = ""
@@ -21,10 +25,10 @@ class Asker(NamedTuple):
     role: str = "maintain"
 
     def named(self, operator: str) -> str:
-        """Return the operator's name with the page and the role, for the log.
+        """Return the name for the log: the operator, followed by page and role in parentheses.
 
-        Outside of requests the name alone, or "the panel" if it is empty. `operator` is the name that the
-        experiment gives, "" if it gives none.
+        `operator` is the operator's name in the experiment file, "" if the file names nobody; the result then
+        says "somebody". Outside of requests the result is the operator's name alone, or "the panel".
         """
         if not self.address:
             return operator or "the panel"
@@ -37,7 +41,7 @@ _NOW: ContextVar[Asker] = ContextVar("asker", default=Asker())  # noqa: B039  # 
 
 @contextmanager
 def asked_by(asker: Asker) -> Iterator[None]:
-    """Set the asker that `asking` returns within the `with` block, in which a request is answered."""
+    """Let `asking` return this asker within the `with` block, in which a request is answered."""
     before = _NOW.set(asker)
     try:
         yield
@@ -46,7 +50,10 @@ def asked_by(asker: Asker) -> Iterator[None]:
 
 
 def asking() -> Asker:
-    """Return the asker of the current request; an empty asker outside of requests."""
+    """Return the sender of the current request.
+
+    Outside of requests page and address are "", and the role is "maintain".
+    """
     return _NOW.get()
 
 

@@ -12,31 +12,37 @@ from pathlib import Path
 
 from ..rig import Link, RigError
 
-_LOOKS = 0.2  # s between two checks of whether the run continues
-_ANSWERS = 1.0  # s in which the rig's process must answer
+_LOOKS = 0.2  # longest wait for a heartbeat before the next check that the run continues, s
+_ANSWERS = 1.0  # time within which the rig's process must answer a heartbeat, s
 
 
 class Beating:
-    """Passes signs of life on to the process of a rig, through a separate connection."""
+    """Passes heartbeats of the page in control on to the rig's process.
+
+    Its connection is separate, so that a heartbeat does not wait for the answers to other requests.
+    """
 
     def __init__(self) -> None:
         self._heard = threading.Event()
 
     def heard(self) -> None:
-        """Note that the page in control sent a sign of life; returns at once."""
+        """Note that a heartbeat of the page in control arrived; returns at once."""
         self._heard.set()
 
     def follow(self, folder: Path, needed: Callable[[], bool]) -> None:
-        """Start a thread that passes signs of life on to the rig's process.
+        """Start a thread that passes heartbeats on to the rig's process, and return at once.
+
+        The thread ends when the run ends, or when the rig's process does not answer.
 
         Args:
-            folder: folder of the rig's process, by which it is reached.
-            needed: takes nothing; returns True while the run continues. On False the thread ends.
+            folder: folder of the rig's process, in which the process leaves its address.
+            needed: takes nothing; returns True while the run continues.
         """
         threading.Thread(target=self._pass_on, args=(folder, needed), daemon=True).start()
 
     def _pass_on(self, folder: Path, needed: Callable[[], bool]) -> None:
-        with suppress(RigError):  # without an answer the run ends with a message
+        # Without an answer this thread ends; a run whose limits require heartbeats then ends with a message.
+        with suppress(RigError):
             link = Link(folder, "the panel's operator")
             try:
                 while needed():

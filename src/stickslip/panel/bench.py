@@ -24,13 +24,14 @@ from .running import Runner
 from .starting import Starter
 from .stream import Client, Hub
 
-MOST_POINTS = 20_000  # largest number of points of one answer to a zoom
+MOST_POINTS = 20_000  # largest number of points of a curve in one answer to a zoom
 
 
 class Change(Strict):
-    """Request to change one value in the experiment's content.
+    """Request to change one value in the content of the experiment file on the bench.
 
-    `path` has the keys and list indices that lead to the value. A `value` of null deletes the key.
+    `path` lists the keys of mappings and the indices (from 0) of lists that lead to the value. A `value` of
+    null deletes the key.
     """
 
     path: list[str | int]
@@ -38,19 +39,19 @@ class Change(Strict):
 
 
 class Undo(Strict):
-    """Request to undo the last change of the experiment, or to redo it with `again`."""
+    """Request to undo the last change of the experiment, or with `again` to redo the change last undone."""
 
     again: bool = False
 
 
 class Runs(Strict):
-    """Request that names the runs of the experiment to record."""
+    """Request to record some runs of the experiment: `runs` are their names in the experiment file."""
 
     runs: list[str]
 
 
 class NamedFile(Strict):
-    """Request that names a file of the folder."""
+    """Request that names a file of the panel's folder by its path relative to that folder."""
 
     name: str
 
@@ -58,8 +59,8 @@ class NamedFile(Strict):
 class Chosen(Strict):
     """Request to choose a rig.
 
-    `kind` is "virtual" or the name of a back end (driver), `bench` names the virtual bench, and `options` are
-    the back end's arguments as text, such as "host: 192.168.0.20".
+    `kind` is "virtual" or the name of a back end (driver). `bench` names the bench of the virtual rig.
+    `options` are the arguments of the back end as text, such as "host: 192.168.0.20"; a virtual rig has none.
     """
 
     kind: str
@@ -68,16 +69,16 @@ class Chosen(Strict):
 
 
 class Note(Strict):
-    """Request to add a user's note to the run."""
+    """Request to add a user's note, `text`, to the recordings of the current or last run."""
 
     text: str
 
 
 class Window(Strict):
-    """Request for a part of the live run, to zoom in.
+    """Request for a part of the curves of the current or last run, to zoom in.
 
-    `trace` is the number of the run's curves since the panel started, `begin` and `end` [s] count from the
-    start of the drive, and `points` is the number of points to draw.
+    `trace` is the number of the curves, which counts since the panel started. `begin` and `end` [s] count
+    from the start of the drive. `points` is the wished number of points of each curve.
     """
 
     trace: int
@@ -97,7 +98,22 @@ def bench_routes(
     starter: Starter,
     interlocks: Interlocks,
 ) -> APIRouter:
-    """Return the routes of the Bench page; also register its messages of the stream on `hub`."""
+    """Return the router with the routes of the Bench page, below "/bench".
+
+    The function also adds to `hub` the state that a new page receives, and the handlers of the messages
+    "emergency_stop" and "beat" (heartbeat of the page in control).
+
+    Args:
+        folder: the panel's folder.
+        hub: stream of messages to and from all pages.
+        control: which page controls the rig.
+        journal: log of the panel.
+        runner: current run.
+        live: samples of the current run.
+        document: experiment on the bench.
+        starter: start of runs and notes.
+        interlocks: interlock of the rig; an emergency stop disarms the rig.
+    """
     routes = APIRouter(prefix="/bench")
 
     def greet(client: Client, said: dict[str, Any]) -> list[str]:
@@ -144,7 +160,10 @@ def _add_runs(
     document: BenchDocument,
     starter: Starter,
 ) -> None:
-    """Add the routes for start, stop, home and notes."""
+    """Add the routes "/stop", "/start", "/home", "/home_here" and "/note".
+
+    All but "/stop" and "/note" need control of the rig.
+    """
 
     @routes.post("/stop")
     async def stop() -> dict[str, bool]:
@@ -179,7 +198,7 @@ def _add_runs(
 
     @routes.post("/note")
     def note(asked: Note) -> dict[str, str]:
-        """Add a note to the run; every page may do so."""
+        """Add a note to the recordings of the current or last run; pages without control may do so too."""
         return {"kept": starter.note(asked.text)}
 
 
@@ -192,12 +211,17 @@ def _add_experiment(
     runner: Runner,
     document: BenchDocument,
 ) -> None:
-    """Add the routes that change, undo, load and save the experiment."""
+    """Add the routes that change, undo, load and save the experiment, and choose its rig.
+
+    Every change is sent to all pages through `hub`.
+    """
 
     def limits_change(before: Limits, after: Limits) -> None:
-        """Refuse a change of the limits without the required role; log a permitted one.
+        """Refuse a change of the rig's limits without the required role, with a RoleError; log a permitted
+        one.
 
-        The role "operate" may change only the heartbeat; all other limits need "maintain".
+        The role "operate" may change only the heartbeat; all other limits need "maintain". `before` and
+        `after` are all limits before and after the change.
         """
         need_role("operate" if before._replace(heartbeat=after.heartbeat) == after else "maintain")
         changes = changed_limits(before, after, document.checked.unit)

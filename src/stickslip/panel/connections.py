@@ -1,4 +1,4 @@
-"""Connections of the panel's server, limited in number and in idle time."""
+"""Connections of browsers to the panel's server, limited in number and in idle time."""
 
 from __future__ import annotations
 
@@ -9,27 +9,32 @@ from typing import Any
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-MOST_CONNECTIONS = 400  # open at a time
-# s between two checks of a connection. A new one must have sent the head of a request by the first check.
+MOST_CONNECTIONS = 400  # largest number of connections open at the same time
+# Interval between two checks of a connection, s. By the first check a new connection must have sent the head
+# of a request.
 PATIENCE = 10.0
-# Number of checks without progress after which a connection is closed that has not sent the whole request, or
-# not read the answer.
+# Number of successive checks without progress after which a connection is closed. It applies to a client that
+# sends only a part of a request, or does not read its answer.
 _BODY = 6
 
 
 class BoundedConnection(H11Protocol):
-    """HTTP connection of uvicorn with limits.
+    """HTTP connection of uvicorn with a time limit; the number of connections is limited, too.
 
-    A connection is closed if it stays silent or sends only half a request. If more than `MOST_CONNECTIONS`
-    are open, the oldest idle one is closed at once, or the new one if none is idle.
+    A connection is closed if it is silent or sends only a part of a request for too long (see `PATIENCE` and
+    `_BODY`). If more than `MOST_CONNECTIONS` are open, the oldest one without a request in progress is closed
+    at once; if all have one, the new connection.
     """
 
     _timer: TimerHandle | None = None
-    _served: Any = None  # the request at the last check
-    _looks = 0  # checks in a row at which the client had made no progress
+    _served: Any = None  # request that was served at the last check; None for none
+    _looks = 0  # number of successive checks at which the client had made no progress
 
     def connection_made(self, transport: Any) -> None:
-        """Start the timer of a new connection; close the oldest idle one if there are too many."""
+        """Start the timer of a new connection.
+
+        If more than `MOST_CONNECTIONS` are open, close the oldest idle one, or else the new one.
+        """
         super().connection_made(transport)
         self.since = self.loop.time()
         if len(self.connections) > MOST_CONNECTIONS:
@@ -46,17 +51,20 @@ class BoundedConnection(H11Protocol):
 
     @property
     def idle(self) -> bool:
-        """Return True if the connection has no request that waits for an answer."""
+        """Return True if no request on this connection waits for an answer."""
         return self.cycle is None or self.cycle.response_complete
 
     @property
     def _waits_for_the_server(self) -> bool:
-        """Return True if the request is complete and its answer has not started: a busy machine may need
-        minutes."""
+        """Return True if the client has sent its whole request and the server has not started to answer.
+
+        Such a connection is not closed, because a busy machine may need minutes for an answer.
+        """
         return self.cycle is not None and not self.cycle.more_body and not self.cycle.response_started
 
     def _look(self) -> None:
-        # The connection is closed already, or became a WebSocket, which has no time limit here.
+        # Nothing is left to check if the connection is closed, or has become a WebSocket, which has no time
+        # limit here.
         if self.transport.is_closing() or self.transport.get_protocol() is not self:
             return
         waited = self.cycle is self._served and not self._waits_for_the_server
@@ -69,7 +77,10 @@ class BoundedConnection(H11Protocol):
 
 
 def server_config(app: Any) -> uvicorn.Config:
-    """Return uvicorn's settings for the panel's application `app`, with limited connections."""
+    """Return uvicorn's settings for the panel's application `app`: limited connections, few log lines.
+
+    The function also filters uvicorn's log with `_no_cancelled`.
+    """
     made = uvicorn.Config(
         app,
         http=BoundedConnection,
@@ -84,9 +95,9 @@ def server_config(app: Any) -> uvicorn.Config:
 
 
 def _no_cancelled(record: logging.LogRecord) -> bool:
-    """Return False for a log record with the traceback of a request that was cancelled at shutdown, so that
-    it is not logged.
+    """Filter a log record of uvicorn: return False, "do not log", for a request cancelled at shutdown.
 
-    Uvicorn logs the number of cancelled requests in a line of its own.
+    Such a record carries the traceback of a CancelledError. Uvicorn also logs the number of cancelled
+    requests, so nothing is lost.
     """
     return not (record.exc_info and isinstance(record.exc_info[1], CancelledError))

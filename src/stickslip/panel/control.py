@@ -1,6 +1,7 @@
-"""Control of the rig: one page has it; the others watch, and may ask for it. Anybody may stop the rig.
+"""Control of the rig: one page has control, and only its requests may start or change something.
 
-Each page has a secret, known only to the page and the server. Other pages know its hash, see `shown`.
+Other pages watch, and may ask for control. Every page may stop the rig. Each page has a secret, known only to
+the page and the server. Other pages know it by the public name that `shown` makes of the secret.
 """
 
 from __future__ import annotations
@@ -13,20 +14,21 @@ from collections.abc import Callable
 from .asking import shown
 from .stream import Client, Hub, Message
 
-PATIENCE = 10.0  # s that a lost page keeps control: it may be reloading
+PATIENCE = 10.0  # time for which a page without connection keeps control, s: it may be reloading
 
 
 class ControlError(ValueError):
-    """Another page has control, or a request names no page."""
+    """Refusal of a request: another page has control of the rig, or the request names no page."""
 
 
 class Control:
-    """Keeps which page controls the rig. Every change is sent to all pages.
+    """Record of which page controls the rig. Every change is sent to all pages.
 
     Attributes:
-        holder: secret of the page in control, "" for nobody.
-        asking: secret of the page that asks for control, "" for nobody.
-        gone: functions that are called when a page in control was lost and did not come back.
+        holder: secret of the page in control, "" if no page has control.
+        asking: secret of the page that asks for control, "" if no page does.
+        gone: functions without arguments, called when the page in control lost its connection and did not
+            come back within `PATIENCE`.
     """
 
     def __init__(self, hub: Hub, clock: Callable[[], float] = time.monotonic) -> None:
@@ -40,9 +42,10 @@ class Control:
         hub.hears["hand_over"] = lambda client, said: self.hand_over(client)
 
     def ask(self, identity: str) -> None:
-        """Give control to the page with the secret `identity` if nobody has it; otherwise note its request.
+        """Give control to the page with the secret `identity` if it is free; otherwise note its request.
 
-        The holder's page then shows the request.
+        The change is sent to all pages, so that the page in control can show the request. A request of the
+        page in control changes nothing.
         """
         with self._lock:
             if not self._free():
@@ -52,9 +55,9 @@ class Control:
         self._hub.send(self._message())
 
     def hand_over(self, client: Client) -> None:
-        """Give control to the page that asked for it, or to nobody if none asked.
+        """Give control to the page that asked for it, or to no page if none asked.
 
-        `client` is the page that hands over; without control it changes nothing.
+        `client` is the page that hands over. Without control of its own, it changes nothing.
         """
         with self._lock:
             if self.holder == client.identity:
@@ -62,9 +65,9 @@ class Control:
         self._hub.send(self._message())
 
     def need(self, identity: str) -> None:
-        """Require that a page has control, before its request is executed.
+        """Check that a page has control of the rig, before its request is executed.
 
-        The page gets control if nobody has it. `identity` is the page's secret.
+        The page gets control if it is free. `identity` is the page's secret, from the header X-Client.
 
         Raises:
             ControlError: another page has control, or `identity` is empty.
@@ -83,15 +86,19 @@ class Control:
         self.holder, self.asking, self._seen = identity, "", self._clock()
 
     def _free(self) -> bool:
-        """Return True if nobody has control, or the holder has been gone for longer than `PATIENCE`."""
+        """Return True if control is free: nobody has it, or the page in control is lost for `PATIENCE`
+        seconds.
+
+        Also note the time at which the page in control was last connected.
+        """
         if any(client.identity == self.holder for client in self._hub.clients):
             self._seen = self._clock()
         return not self.holder or self._clock() - self._seen > PATIENCE
 
     def watch(self) -> None:
-        """Take control from a page that has been lost for longer than `PATIENCE`. Called once a second.
+        """Take control from a page that has had no connection for `PATIENCE` seconds. Called once a second.
 
-        Control goes to the page that asked for it, or to nobody; then the functions in `gone` are called.
+        Control goes to the page that asked for it, or to no page; then the functions in `gone` are called.
         """
         with self._lock:
             if not self.holder or not self._free():

@@ -1,4 +1,8 @@
-"""Reduction of samples to as many points as a screen can show: the minimum and maximum of each bucket."""
+"""Reduction of curves to as many points as a screen can show.
+
+Samples are grouped into buckets of successive samples. Only the minimum and maximum of each are drawn, so
+that no peak is lost.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +13,12 @@ Float32 = NDArray[np.float32]
 
 
 def extremes(values: Float32, bucket: int) -> Float32:
-    """Return minimum and maximum of each group of `bucket` samples, [rows, n] -> [rows, 2 (n // bucket)].
+    """Return minimum and maximum of each group of `bucket` successive samples.
 
-    Samples after the last complete bucket are left out. The maximum comes first where the values fall within
-    the bucket, so that a slope looks like a slope. A bucket of 1 returns the samples unchanged.
+    `values` has the shape [rows, n], one row for each channel; the result has [rows, 2 (n // bucket)].
+    Samples after the last complete bucket are left out. The maximum comes first where the last sample of a
+    bucket is below its first, so that a slope looks like a slope. A bucket of 1 returns the samples
+    unchanged.
     """
     rows, count = values.shape[0], values.shape[1] // bucket
     if bucket == 1:
@@ -22,15 +28,21 @@ def extremes(values: Float32, bucket: int) -> Float32:
 
 
 def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDArray[np.float64], Float32]:
-    """Return times [m] and values [rows, m] with about `points` points; all samples if there are fewer.
+    """Reduce curves to about `points` points each; return times [m] and values [rows, m].
 
-    `time` [n] need not be regular. The first and the last sample are kept, because users read the end value
-    of a curve. The minimum and maximum of a bucket are placed at the times of its first and last sample.
+    Curves with at most `points` samples are returned unchanged. The first and the last sample are kept,
+    because users read the end value of a curve. The minimum and maximum of a bucket of samples are placed at
+    the times of its first and last sample.
+
+    Args:
+        time: times of the samples [n]; their intervals may differ.
+        values: samples of each channel [rows, n].
+        points: wished number of points.
     """
     bucket = max(1, -(-2 * (time.size - 2) // max(points - 2, 2)))
     if bucket < 3:
         return time, values
-    starts = np.arange(1, time.size - 2, bucket)  # a single last sample joins the previous bucket
+    starts = np.arange(1, time.size - 2, bucket)  # a single remaining sample joins the previous bucket
     ends = np.append(starts[1:], time.size - 1)
     edges = np.stack([starts, ends - 1], axis=1)
     within = values[:, :-1]

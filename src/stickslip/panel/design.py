@@ -1,4 +1,7 @@
-"""Routes of the Design page: step maps, waveform searches, fronts, motions, a drive sent to the bench."""
+"""Routes of the Design page: step maps, searches for a drive, Pareto fronts, motions, expected intervals.
+
+The route "/send" puts a designed drive on the bench, as a run of the experiment.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +27,21 @@ from .journal import Journal
 from .sets import Sets
 from .stream import Hub
 
-DESIGNED = "designed"  # name of the bench's run that has the designed drive
-# A designed drive on the bench: its length [s], the recorded time after it [s], and its fewest periods. It is
-# short because a fast drive soon leaves the range of a sensor.
+DESIGNED = "designed"  # name of the run of the experiment on the bench that has the designed drive
+# A designed drive on the bench. LENGTH: duration of the drive, s. REST: time that is recorded after the
+# drive, s. FEWEST: smallest number of periods, even if they take longer than LENGTH. The drive is short
+# because a fast one soon leaves the range of a sensor.
 LENGTH, REST, FEWEST = 0.1, 0.1, 8
-_TOLD = 0.1  # s between progress messages
+_TOLD = 0.1  # shortest time between two messages on the progress of a search, s
 
 Made = TypeVar("Made")
 
 
 class Searches:
-    """Runs one search for a drive at a time; pages receive its progress ("design") and can stop it.
+    """Runs at most one search for a drive at a time.
 
-    A stopped search returns the best drive so far.
+    All pages receive its finished fraction as messages "design", and can stop it. A stopped search returns
+    the best drive so far; without one, an error is raised.
     """
 
     def __init__(self, hub: Hub) -> None:
@@ -45,8 +50,11 @@ class Searches:
     def run(self, search: Callable[[Progress], Made]) -> Made:
         """Run a search for a drive and return its result.
 
+        `stop` ends the search: the next call of its progress callback raises KeyboardInterrupt.
+
         Args:
-            search: gets a progress callback (what is done, finished fraction) and returns the result.
+            search: takes a progress callback, which it calls with the activity in words and the finished
+                fraction (0 to 1); returns the result.
 
         Raises:
             QuantityError: another search runs, or the search was stopped before it had a result.
@@ -79,9 +87,16 @@ class Searches:
 def design_routes(
     sets: Sets, searches: Searches, control: Control, journal: Journal, hub: Hub, document: BenchDocument
 ) -> APIRouter:
-    """Return the web server's routes of the panel's design page.
+    """Return the router with the routes of the Design page, below "/api/design".
 
-    A wrong value is answered with status 422 and the reason as `error`.
+    A wrong value, or a motion that cannot be simulated, is answered with status 422, the reason as `error`
+    and the field of the request as `field`.
+
+    Args:
+        sets: parameter sets on offer.
+        searches: the search in progress.
+        control, journal, hub, document: control of the rig, log, stream and experiment, which the route
+            "/send" needs.
     """
     routes = APIRouter(prefix="/api/design")
 
@@ -149,9 +164,10 @@ def design_routes(
 
 
 def bench_run(drive: of.DesignedDrive, runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return a run of the experiment with this drive, in the form of an experiment file.
+    """Return a run with this drive, as an entry of "runs" in an experiment file.
 
-    It is sampled at the shortest interval of the other `runs`, or at the rig's full rate if they give none.
+    The run lasts for `LENGTH`, but at least `FEWEST` periods, and is recorded for `REST` longer. It is
+    sampled at the shortest interval of the other `runs`, or at the rig's full rate if they give none.
     """
     waveform = of.from_lowest(drive.waveform())
     periods = max(FEWEST, math.ceil(LENGTH / waveform.period))

@@ -1,4 +1,8 @@
-"""Answers to the Design page: step map, searches, front, motion, information in a recording."""
+"""Answers to the Design page: step map, search for a drive, Pareto front, motion, expected intervals.
+
+Requests contain an actuator with its load. Each function takes such a request and `sets`, the parameter sets
+on offer, and raises QuantityError or SimulationError for values that cannot be used.
+"""
 
 from __future__ import annotations
 
@@ -27,25 +31,30 @@ from .sliders import Slider, shown, sized
 
 Array = NDArray[np.float64]
 
-# Points of a map along voltage and frequency; tolerance of each step, m.
+# VOLTAGES, FREQUENCIES: numbers of points of a map along its axes. TOLERANCE: tolerance of each computed
+# step, m (or rad).
 VOLTAGES, FREQUENCIES, TOLERANCE = 33, 41, 1e-9
-# Number of voltages of a map that are computed together: enough work for several processors, and few enough
-# to check the time between them.
+# Number of voltages of a map that are computed together, between two checks of the computing time. It gives
+# several processors enough work.
 ROWS = 3
-MAP_SECONDS = 10.0  # s of processor time for a map, five times what the package's parameter sets need
-# Lowest frequency of maps, and highest one for a stage without dynamics, Hz. For others the highest is twice
-# the stage's natural frequency.
+# Processor time after which the rest of a map is left out, s. It is five times what the package's parameter
+# sets need.
+MAP_SECONDS = 10.0
+# SLOWEST: lowest frequency of a map, Hz. FASTEST: highest frequency, Hz, for a stage without dynamics. For a
+# stage with dynamics the highest frequency is twice its natural frequency, at most 10 kHz.
 SLOWEST, FASTEST = 5.0, 1000.0
-# Length [s] of the recording for which half-widths of confidence intervals are predicted.
+# Length of the recording for which `told` predicts confidence intervals, s.
 RECORDED = 0.4
-KNOTS = 8  # knots of a searched drive, unless the page asks for another number
-# Half-widths of at least this many times the parameter's value are shown as "not identified".
+KNOTS = 8  # default number of corners (knots) per period of the drive that a search finds
+# Half the width of a confidence interval over the value of the parameter, from which on the page shows the
+# parameter as "not identified".
 NOT_TOLD = 10.0
-# Sampling of that recording: lowest rate [Hz] and samples per period. The number per period is not an
-# integer, so that each period is sampled at other phases.
+# Sampling of the recording for which `told` predicts intervals. SAMPLED: lowest rate, Hz. PER_PERIOD:
+# smallest number of samples per period of the drive; not an integer, so that each period is sampled at other
+# phases.
 SAMPLED, PER_PERIOD = 2000.0, 20.3
-FIELDS = ("amplitude", "frequency", "rise_fraction", "offset")  # fields of a sawtooth
-# Parameters whose half-widths are predicted, if the actuator has them.
+FIELDS = ("amplitude", "frequency", "rise_fraction", "offset")  # fields of a `Sawtooth` on the page
+# Parameters whose confidence intervals `told` predicts, if the actuator has them.
 WANTED = ("sigma_0", "sigma_1", "coulomb_force", "natural_frequency", "damping_ratio")
 
 _LOAD = Quantity("N", "F", "load", minimum=-1e3, maximum=1e3)
@@ -53,7 +62,7 @@ _SPREAD = Quantity("N", "", "spread of the load, ±", minimum=0.0, maximum=1e3)
 _VOLTAGE = Quantity("V", "", "maximum voltage", above=0.0, maximum=1e4)
 _KNOTS = Quantity("", "", "knots of the drive", minimum=COUNTS["knots"][0], maximum=COUNTS["knots"][1])
 _NOISE = Quantity("m", "", "noise of a position sample", above=0.0, maximum=1e-3)
-# Limits of generator and amplifier that the page asks for.
+# Fields of `OutputStage` that the page offers as limits of generator and amplifier.
 _LIMITS = ("capacitance", "update_rate", "points", "step", "current", "slew_rate")
 _FIELDS: dict[str, Quantity] = {
     "load": _LOAD,
@@ -63,8 +72,8 @@ _FIELDS: dict[str, Quantity] = {
     "knots": _KNOTS,
     **{name: quantities(OutputStage)[name] for name in _LIMITS},
 }
-# Initial value and slider range of fields with a slider, in SI units of linear actuators. The other fields
-# are typed and may be empty.
+# Initial value and slider range of the fields with a slider, in SI units of linear actuators. Fields without
+# an entry are typed, and may be empty.
 _SLIDERS = {
     "load": (0.0, Slider(-1.0, 1.0, "linear")),
     "voltage": (100.0, Slider(5.0, 150.0, "linear")),
@@ -75,10 +84,11 @@ _SLIDERS = {
 
 
 def fields(rotary: bool) -> list[dict[str, Any]]:
-    """Return the page's input fields for linear or rotary actuators, each with its initial value as `starts`.
+    """Return the page's input fields for linear or rotary actuators, in the order of the page.
 
-    A field with a slider also has the slider's range (see `sliders.shown`); one without has only name, unit
-    and meaning. `starts` is None for a limit that is not set. `output` is True for a field of `OutputLimits`.
+    Each field has name, unit, meaning and `starts`, its initial value in SI (None: empty). A field with a
+    slider also has symbol and slider range, see `sliders.shown`. `output` is True for a field of
+    `OutputLimits`.
     """
     given = []
     for name, of in _FIELDS.items():
@@ -92,37 +102,44 @@ def fields(rotary: bool) -> list[dict[str, Any]]:
 
 
 def _checked(model: Actuator, name: str, value: Any) -> float:
-    """Return the value of the field `name` in SI; raises QuantityError if it is wrong or out of range.
+    """Return the value of the page's field `name` in SI.
 
-    A text must have the unit for a linear or rotary actuator, as `model` is.
+    The value is a number in SI, or a text with a unit. A text needs the unit for a linear or for a rotary
+    actuator, as `model` is. Raises QuantityError for another unit, or a value outside the field's limits.
     """
     quantity = _FIELDS[name]
     return quantity.along(coordinate_of(model)).check(value, name)
 
 
 class LoadedActuator(Model):
-    """An actuator under a load: an external force (or torque) on the end-effector, positive towards +x."""
+    """Request with an actuator under a load.
+
+    `load` is added to the actuator's external force on the end-effector: N, or N m for rotary actuators,
+    positive in the direction of positive positions.
+    """
 
     load: Value = 0.0
 
     def loaded(self, sets: Sets) -> Actuator:
-        """Return the actuator with the load; raises QuantityError for a wrong value."""
+        """Return the actuator with the load added to its external force; QuantityError for a wrong value."""
         model = self.actuator(sets)
         return model.replace(external_force=model.external_force + _checked(model, "load", self.load))
 
 
 class MapRequest(LoadedActuator):
-    """Request for a map of the net step; `voltage` [V] is the largest amplitude of its axis."""
+    """Request for a map of the net step per period over amplitude, up to `voltage` [V], and frequency."""
 
     voltage: Value
 
     def top(self, model: Actuator) -> float:
-        """Return the largest voltage of the request [V]; raises QuantityError if the actuator forbids it."""
+        """Return the largest voltage [V]; raises QuantityError if it is wrong, or too high for the
+        actuator."""
         return _taken(model, _checked(model, "voltage", self.voltage))
 
 
 class TypedValue(LoadedActuator):
-    """A number that was typed into the field `name` of the page."""
+    """Request to check `value`, a number in SI or a text with a unit, typed into the field `name` of the
+    page."""
 
     name: str
     value: Value
@@ -130,7 +147,7 @@ class TypedValue(LoadedActuator):
     def check(self, sets: Sets) -> None:
         """Raise QuantityError if the value is out of range for its field, or if there is no such field.
 
-        `sets` are the parameter sets on offer; one of them is the base of the page's actuator.
+        `sets` are the parameter sets on offer. "voltage" must also not exceed the actuator's maximum voltage.
         """
         model = self.actuator(sets)
         if self.name not in _FIELDS:
@@ -148,14 +165,19 @@ def _taken(model: Actuator, volts: float) -> float:
 
 
 class OutputLimits(fields_of(OutputStage, *_LIMITS)):
-    """Limits of signal generator and amplifier, such as slew rate and current: fields of `OutputStage`."""
+    """Limits of signal generator and amplifier, such as slew rate and current: some fields of `OutputStage`.
+
+    A field that is left out is not limited.
+    """
 
 
 class DriveSearch(MapRequest):
     """Request for the drive with the highest speed.
 
-    `spread` [N, or N m] is the tolerance of the load, ±: the lowest speed over loads within it is maximised.
-    `knots` is the number of corners of the drive. `output` has the limits of generator and amplifier.
+    `spread` [N, or N m for rotary actuators] is half the width of the range of loads. The lowest speed over
+    the loads -`spread`, 0 and +`spread` around the given load is maximised. `knots` is the number of corners
+    of the drive per period. `voltage` [V] is the largest voltage. `output` has the limits of generator and
+    amplifier.
     """
 
     spread: Value = 0.0
@@ -163,7 +185,11 @@ class DriveSearch(MapRequest):
     output: OutputLimits = Field(default_factory=OutputLimits)
 
     def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
-        """Return the actuator and the keyword arguments that all searches of `design` for a drive share."""
+        """Return the actuator under its load, and the keyword arguments of the searches for a drive.
+
+        The arguments are those that `design.optimise_waveform` and `design.waveform_front` share: knots,
+        max_voltage, scenarios (the loads) and output (the limits).
+        """
         model = self.loaded(sets)
         spread, unit = _checked(model, "spread", self.spread), unit_for(model, "N")
         scenarios = [
@@ -178,19 +204,27 @@ class DriveSearch(MapRequest):
 
 
 class FrontRequest(DriveSearch):
-    """Request for a Pareto front: highest speed against least amplifier current or least speed ripple."""
+    """Request for a Pareto front of drives: highest speed against a second goal.
+
+    `against` is the second goal: the least peak current of the amplifier ("current", which needs the piezo's
+    capacitance), or the least ripple of the speed ("ripple"). The other fields are those of `DriveSearch`.
+    """
 
     against: Literal["current", "ripple"] = "current"
 
 
 class DesignedDrive(Strict):
-    """A drive: a sawtooth, or voltages at given times joined by straight lines; all values in SI."""
+    """Periodic drive: a sawtooth, or voltages joined by straight lines.
+
+    `shape` is the name of the waveform. `fields` are its fields in SI: those of `FIELDS` for "Sawtooth";
+    `times` [s], `values` [V] and `period` [s] for "PeriodicKnots".
+    """
 
     shape: Literal["Sawtooth", "PeriodicKnots"]
     fields: dict[str, float | list[float]] = Field(max_length=8)
 
     def waveform(self) -> Any:
-        """Return the waveform; raises QuantityError for a wrong value."""
+        """Return the waveform as an object; raises QuantityError for an unknown field or a wrong value."""
         try:
             return shape(self.shape)(**self.fields)
         except TypeError as error:
@@ -198,26 +232,27 @@ class DesignedDrive(Strict):
 
 
 class DrivenActuator(LoadedActuator):
-    """Request with an actuator, its load and its drive."""
+    """Request with an actuator, its load and its periodic drive."""
 
     drive: DesignedDrive
 
 
 class InformationRequest(DrivenActuator):
-    """Request for how well a recording with a drive identifies the parameters.
+    """Request for the precision of parameters from a recording under a drive.
 
-    `noise` [m, rad] is the standard deviation of one position sample.
+    `noise` [m, or rad] is the standard deviation of the noise of one position sample.
     """
 
     noise: Value = 1e-7
 
 
 def step_map(asked: MapRequest, sets: Sets) -> dict[str, Array]:
-    """Return a map of the net step per period; its computation stops after `MAP_SECONDS`.
+    """Return a map of the net step per period over amplitude and frequency of a sawtooth drive.
 
-    Keys: voltage [V], frequency [Hz], net_step [m, rad], status (0: a steady step exists) and in_time (1, or
-    0 if voltages were left out: their step and status are NaN). Step and status are flat arrays, with all
-    frequencies of the first voltage first.
+    Keys: "voltage" [V] and "frequency" [Hz], the axes; "net_step" [m, or rad] and "status" (0: a steady step
+    exists; otherwise see `design.step_map`), flat arrays with all frequencies of the first voltage first;
+    "in_time", one value: 1, or 0 if the computation was ended after `MAP_SECONDS`. Step and status of the
+    remaining voltages are then NaN.
     """
     model = asked.loaded(sets)
     top = asked.top(model)
@@ -242,7 +277,13 @@ def step_map(asked: MapRequest, sets: Sets) -> dict[str, Array]:
 
 
 def searched(asked: DriveSearch, sets: Sets, progress: Progress) -> dict[str, Any]:
-    """Return the fastest drive and the best sawtooth, with their speeds at each load; see `DesignedDrive`."""
+    """Search for the drive with the highest speed, and for the best sawtooth; return both and their speeds.
+
+    Keys: "drive" and "sawtooth" (see `described`); "value" and "sawtooth_value", their lowest speeds over all
+    loads [m/s, or rad/s]; "conditions", for each load its name and both speeds, "value" and "sawtooth";
+    "evaluations", the number of computed periodic motions; "interrupted", True if the search was stopped;
+    "fell_back", True if no drive better than the sawtooth was found.
+    """
     model, common = asked.asked(sets)
     found = design.optimise_waveform(model, goal="speed", progress=progress, **common)
     rows = zip(found.conditions.names, found.values.tolist(), found.sawtooth_values.tolist(), strict=True)
@@ -259,9 +300,11 @@ def searched(asked: DriveSearch, sets: Sets, progress: Progress) -> dict[str, An
 
 
 def front(asked: FrontRequest, sets: Sets, progress: Progress) -> dict[str, Any]:
-    """Return the drives of a Pareto front, from slow to fast, with their values of both goals.
+    """Search for the Pareto front of the speed and a second goal; return its drives, from slow to fast.
 
-    The second goal's values are `other`, with `label` and `unit`.
+    Keys: lists over the drives, "drives" (see `described`), "speed" and "other" (second goal); "speed_unit";
+    "label" and "unit" of the second goal; "evaluations", the number of computed periodic motions;
+    "interrupted", True if the search was stopped.
     """
     model, common = asked.asked(sets)
     other: Any = "ripple"
@@ -282,7 +325,8 @@ def front(asked: FrontRequest, sets: Sets, progress: Progress) -> dict[str, Any]
 
 
 def described(waveform: Waveform) -> dict[str, Any]:
-    """Return a waveform as a dictionary with the fields of `DesignedDrive`."""
+    """Return a waveform in the form of `DesignedDrive`: its name as "shape" and its values in SI as
+    "fields"."""
     fields = {name: getattr(waveform, name) for name in FIELDS if hasattr(waveform, name)}
     if isinstance(waveform, PeriodicKnots):
         fields = {"times": [*waveform.times], "values": [*waveform.values], "period": waveform.period}
@@ -290,12 +334,13 @@ def described(waveform: Waveform) -> dict[str, Any]:
 
 
 def motion(asked: DrivenActuator, sets: Sets) -> tuple[float, dict[str, Array]]:
-    """Return the mean speed [m/s, rad/s] and two periods of the periodic motion as arrays.
+    """Return the mean speed [m/s, or rad/s] and the curves of two periods of the periodic motion.
 
-    Their keys: time [s], drive_voltage [V], end_effector_position [m, rad].
+    The curves are arrays by name: "time" [s] from 0, "drive_voltage" [V], and "end_effector_position" [m, or
+    rad], which is 0 at the start.
     """
     moved = motion_by(asked.loaded(sets), {"": asked.drive.waveform()}).isel(drive=0)
-    volts = np.round(moved.drive_voltage.values, 6)  # rounding errors at the end are not a voltage
+    volts = np.round(moved.drive_voltage.values, 6)  # removes rounding errors, such as 1e-15 V instead of 0
     period, x = float(moved.period), moved.end_effector_position.values
     return float(x[-1]) / period, {
         "time": period * np.append(moved.phase.values, 1.0 + moved.phase.values[1:]),
@@ -305,10 +350,12 @@ def motion(asked: DrivenActuator, sets: Sets) -> tuple[float, dict[str, Array]]:
 
 
 def told(asked: InformationRequest, sets: Sets) -> dict[str, Any]:
-    """Return the predicted relative half-widths of the parameters' confidence intervals.
+    """Predict the confidence intervals of the parameters from a recording with the drive of the request.
 
-    `half_width` belongs to a recording of `RECORDED` seconds with this drive, `default_half_width` to one
-    with a sawtooth of 65 V, 5 Hz. None: the recording does not identify the parameter.
+    Keys: "duration" of the recording, `RECORDED` [s]; "parameters", a list with name, value in SI and unit of
+    each parameter, "half_width" (half the width of its interval over the value), and "default_half_width"
+    (the same for a sawtooth of 65 V, 5 Hz). A half width is None if the recording does not identify the
+    parameter, see `NOT_TOLD`.
     """
     model = asked.loaded(sets)
     has = {name for name, value in model.friction._asdict().items() if isinstance(value, float) and value > 0}
@@ -332,9 +379,9 @@ def told(asked: InformationRequest, sets: Sets) -> dict[str, Any]:
 
 
 def from_lowest(waveform: Any) -> Any:
-    """Return a knot waveform shifted in time so that it starts at its lowest voltage.
+    """Return a `PeriodicKnots` waveform shifted in time so that it starts at its lowest voltage.
 
-    That voltage is the nearest to 0 V, at which a rig rests. Other waveforms are returned unchanged.
+    The lowest voltage is nearest to the 0 V of a rig at rest. Other waveforms are returned unchanged.
     """
     if not isinstance(waveform, PeriodicKnots):
         return waveform

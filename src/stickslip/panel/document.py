@@ -1,4 +1,7 @@
-"""The experiment on the bench: content of an experiment file, checked as a whole at every change."""
+"""The experiment on the bench: content of an experiment file, checked as a whole at every change.
+
+The content of a file here is the mapping that its YAML text describes.
+"""
 
 from __future__ import annotations
 
@@ -33,15 +36,20 @@ from .folder import Folder
 from .rigs import asked_rig, facts, fitted
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
-MOST_KEPT = 200  # number of changes that can be undone
-_KEY_LIMIT = 8  # most keys and indices of a path to a value in the content
+MOST_KEPT = 200  # largest number of changes that can be undone
+_KEY_LIMIT = 8  # largest number of keys and indices in a path to a value
 
 
 class Checked(NamedTuple):
-    """Checked content of an experiment, and what follows from it.
+    """Checked content of an experiment file, and the results of the check.
 
-    `file` is the parsed content, `cells` are its recordings to make (one for each combination of values),
-    `units` the unit of each channel, `can` the capabilities of the rig, `limits` those of the output.
+    Attributes:
+        content: content of the file, a mapping as in YAML.
+        file: the same content as a record.
+        cells: recordings to make: one for each run and each combination of the values in its matrix.
+        units: unit of each recorded channel, by name.
+        can: capabilities of the rig.
+        limits: limits of output and position, from the file.
     """
 
     content: dict[str, Any]
@@ -58,20 +66,29 @@ class Checked(NamedTuple):
 
 
 class BenchDocument:
-    """The experiment on the bench; `name` is the name of its file, "" if it was never saved."""
+    """The experiment on the bench, with its earlier states for undo.
+
+    `name` is the name of its file in the panel's folder, "" if it was never saved. `checked` is its present
+    content.
+    """
 
     def __init__(self, folder: Folder, read: Reader) -> None:
         self._folder, self._read = folder, read
         self.name = ""
-        # Called before the limits change, with the old and the new ones; an exception refuses the change.
+        # Called before the limits of the output and the position change, with the old and the new limits. An
+        # exception from it refuses the change.
         self.limits_change: Callable[[Limits, Limits], None] = lambda before, after: None
-        self._lock = threading.Lock()  # changes are applied one after the other
+        self._lock = threading.Lock()  # held during a change, so that changes are applied one after the other
         self._before: list[Checked] = []
         self._undone: list[Checked] = []
         self.checked = self._check(load_yaml(DEFAULT))
 
     def _check(self, content: dict[str, Any]) -> Checked:
-        """Check a content without output and without running new files; raises ValueError or RigError."""
+        """Return the checked content. Nothing is put out, and no user's Python file is run for the first
+        time.
+
+        Raises ValueError or RigError if the content cannot be recorded.
+        """
         with nothing_run():
             file, laboratory = self._planned(content)
             found = cells(file, self._folder.root, laboratory, self._read)
@@ -80,9 +97,10 @@ class BenchDocument:
         return Checked(content, file, found, channel_units(can, found[0].channels, limits), can, limits)
 
     def _planned(self, content: dict[str, Any]) -> tuple[ExperimentFile, PlanningLaboratory]:
-        """Return the parsed file, and a laboratory that knows its rig without opening it.
+        """Return the content as a record, and a laboratory that knows the rig's capabilities without opening
+        it.
 
-        Raises ValueError for a wrong content, or a file outside the folder.
+        Raises ValueError if the content is wrong, or names a file outside the panel's folder.
         """
         file = check_experiment(content)
         for name in _files(file):
@@ -90,21 +108,26 @@ class BenchDocument:
         return file, PlanningLaboratory(file, self._folder.root)
 
     def check(self, content: dict[str, Any]) -> Checked:
-        """Return the checked content as `change` would, without changing the experiment on the bench."""
+        """Check a content without putting it on the bench, and return it with the results of the check.
+
+        Raises ValueError or RigError if the content cannot be recorded.
+        """
         return self._check(content)
 
     def change(self, path: list[str | int], value: Any) -> None:
-        """Set one value of the content; None deletes its key. Raises as `replace`; then nothing is changed.
+        """Set one value in the content; a `value` of None deletes its key in a mapping.
 
-        `path` has the keys and list indices that lead to the value.
+        `path` lists the keys and the indices (from 0) of lists that lead to the value. Raises the errors of
+        `replace`, and QuantityError if there is no such place; then nothing is changed.
         """
         with self._lock:
             self._take(self._check(self._changed(path, value)))
 
     def choose_rig(self, kind: str, bench: str, options: str) -> list[str]:
-        """Move the experiment to another rig; return the channels and runs that were left out, in words.
+        """Move the experiment to another rig; return a text for each channel and run that was left out.
 
-        `kind`, `bench` and `options` are those of `bench.Chosen`. Raises as `replace`.
+        The new rig does not have these channels, or cannot record these runs. The arguments are those of
+        `bench.Chosen`. Raises the errors of `replace`; then nothing is changed.
         """
         with self._lock:
             content = self.checked.content
@@ -117,19 +140,23 @@ class BenchDocument:
             return left_out
 
     def _take(self, made: Checked) -> None:
-        """Put a checked content on the bench, as a change that can be undone."""
+        """Put a checked content on the bench, as a change that can be undone; an unchanged one is ignored."""
         if made.content != self.checked.content:
             self._ask(made)
             self._before = [*self._before, self.checked][-MOST_KEPT:]
             self.checked, self._undone = made, []
 
     def _ask(self, made: Checked) -> None:
-        """Call `limits_change` if the limits differ; it may raise."""
+        """Call `limits_change` if the new content has other limits; an exception from it refuses the
+        change."""
         if made.limits != self.checked.limits:
             self.limits_change(self.checked.limits, made.limits)
 
     def undo(self, again: bool = False) -> bool:
-        """Undo the last change, or redo it with `again`; return False if there is none to undo or redo."""
+        """Undo the last change, or with `again` redo the change last undone.
+
+        Returns False if there is nothing to undo or redo. An exception from `limits_change` refuses it.
+        """
         with self._lock:
             source, target = (self._undone, self._before) if again else (self._before, self._undone)
             if not source:
@@ -151,7 +178,15 @@ class BenchDocument:
         return content
 
     def replace(self, content: dict[str, Any], name: str) -> None:
-        """Put another experiment on the bench; raises ValueError or RigError if it cannot be recorded."""
+        """Put another experiment on the bench, without a way to undo this.
+
+        Args:
+            content: content of the experiment file.
+            name: name of the file in the panel's folder.
+
+        Raises:
+            ValueError, RigError: the experiment cannot be recorded, or the user may not change the limits.
+        """
         with self._lock:
             made = self._check(content)
             self._ask(made)
@@ -159,11 +194,15 @@ class BenchDocument:
             self._before, self._undone = [], []
 
     def load(self, name: str) -> None:
-        """Load an experiment file of the folder."""
+        """Load the experiment file `name` of the panel's folder; raises the errors of `replace`."""
         self.replace(load_yaml(self._folder.path(name)), name)
 
     def save(self, name: str) -> None:
-        """Save the experiment as the file `name` of the folder, atomically; it gets that name."""
+        """Save the experiment as the file `name` of the panel's folder, which becomes the experiment's name.
+
+        An existing file is replaced as a whole, at once. Raises QuantityError unless the name ends with
+        .yaml, FolderError for another wrong name, and OSError.
+        """
         if not name.endswith(".yaml"):
             raise QuantityError(f"{name[:60]!r}: an experiment file is called NAME.yaml")
         path = self._folder.path(name)
@@ -173,14 +212,20 @@ class BenchDocument:
         self.name = name
 
     def of_runs(self, names: list[str]) -> dict[str, Any]:
-        """Return the experiment's content with only the named runs; QuantityError for an unknown name."""
+        """Return the content with only the named runs; raises QuantityError for an unknown or missing
+        name."""
         runs = [run for run in self.checked.content["runs"] if run["name"] in names]
         if not runs or len(runs) < len(set(names)):
             raise QuantityError(f"there is no run {', '.join(names) or 'chosen'}")
         return {**self.checked.content, "runs": runs}
 
     def described(self) -> dict[str, Any]:
-        """Return what pages show of the experiment, in JSON types: content, rig, channels, variables."""
+        """Return the data of the experiment that pages show, in JSON types.
+
+        Keys: "rig" (see `rigs.facts`), "name" of the file, "content", "panel" (displays and plotters),
+        "channels" (name, unit and label of each), "variables" (see `_variables`), and "undo" and "redo", True
+        if there is something to undo or redo.
+        """
         content, file, _, units, can, limits = self.checked
         virtual = isinstance(file.rig, VirtualRigSpec)
         back_end = None if virtual else registry.rigs.find(file.rig.kind, self._folder.root)
@@ -196,10 +241,10 @@ class BenchDocument:
         }
 
     def _variables(self) -> Iterator[dict[str, Any]]:
-        """Yield every variable that an input field of the page can set.
+        """Yield a dictionary for every number that an input field of the page can set.
 
-        Each has name, value in SI, unit, label, path (its place in the file) and kind (the part of the
-        experiment: experiment, actuator, friction or rig).
+        Keys: "name", "value" in SI, "unit", "label", "path" (keys that lead to the value in the content, see
+        `change`), and "kind", the part of the experiment: "experiment", "actuator", "friction" or "rig".
         """
         file, found = self.checked.file, self.checked.cells
         for name, value in file.variables.items():
@@ -225,9 +270,10 @@ class BenchDocument:
 
 
 def _files(file: ExperimentFile) -> Iterator[str]:
-    """Yield the names of the user's files in an experiment; they must be in the panel's folder.
+    """Yield the names of the user's files in an experiment: parameter set, bench, calibrations, waveforms.
 
-    Parameter sets, benches and calibrations of the package are left out.
+    They must be in the panel's folder. Names of the package's own sets, benches and calibrations are left
+    out.
     """
     bench = getattr(file.rig, "bench", "")
     named = [(bench, available_benches()), (file.actuator.set, available_sets())]
@@ -254,13 +300,15 @@ _VARIABLES = tuple(dict.fromkeys([*_SLIDING, *map(ANGLE.unit, _SLIDING)]))
 
 
 def _unit_of(name: str, value: Any) -> str | None:
-    """Return the SI unit of a variable's value, "" for a number.
+    """Return the SI unit of the value of a variable, "" for a number.
 
-    None: a text that is not a quantity in one of the known units.
+    None: the value is a text that is not a quantity in any of the units `_VARIABLES`. `name` is the
+    variable's name, for errors.
     """
     if isinstance(value, int | float):
         return ""
-    # The unit library treats a radian as a plain number: 5 mN m would be a stiffness, and 3 % an angle.
+    # A text with "rad" or "deg" has an angle in its unit. The unit library treats a radian as a plain number:
+    # without this test it would read 5 mN m as a rotary stiffness, and 3 % as an angle.
     turns = re.search("rad|deg", value) is not None
     for unit in (one for one in _VARIABLES if ("rad" in one) == turns):
         try:

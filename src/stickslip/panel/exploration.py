@@ -1,4 +1,7 @@
-"""One state of the Explore page: actuator and drive, the simulated motion, and Python code for it."""
+"""Answers to the Explore page: the simulated motion of an actuator, its step curves, and Python code.
+
+The page sends its whole state, actuator and drive, with each request.
+"""
 
 from __future__ import annotations
 
@@ -25,18 +28,20 @@ from . import piezo_sliders
 from .sets import PACKAGE, Sets
 from .sliders import law_types, shapes
 
-# Number of sampling points: over the whole time, over the last period (drawn as the friction loop), and over
-# the ring-down after each break (jump or corner) of the drive, for the whole time and for the last period.
+# Numbers of sampling times. POINTS: over the whole time. LOOP_POINTS: over the last period, drawn as the
+# friction loop. RING_POINTS, LOOP_RING_POINTS: over the decaying vibration (ring-down) after each break, a
+# jump or corner of the drive; the second applies to breaks in the last period.
 POINTS, LOOP_POINTS, RING_POINTS, LOOP_RING_POINTS = 1200, 200, 40, 300
-# Length of a ring-down times the stage's natural frequency [rad/s]: about six periods of vibration.
+# Length of a ring-down, as a multiple of 1 over the stage's natural frequency [rad/s]: about six periods of
+# vibration.
 RING_TIME = 40.0
-MOST_RINGS = 50  # breaks of the drive, the last ones, with a finer grid after them
-MOST_PERIODS = 10_000  # of the drive, in one simulation
-LONGEST = 100.0  # s, longest simulation
-TOLERANCE = 1e-9  # m, or rad for rotary actuators: error of simulated positions
-MOST_STEPS = 500_000  # integration steps of a simulation: about a second of computing
-CURVE_POINTS = 25  # points of a curve of the step over amplitude or frequency
-CURVE_SECONDS = 1.0  # s, after which the rest of a curve is left out
+MOST_RINGS = 50  # number of breaks of the drive, the last ones, after which times are closest
+MOST_PERIODS = 10_000  # largest number of periods of the drive in one simulation
+LONGEST = 100.0  # longest simulation, s
+TOLERANCE = 1e-9  # tolerance of simulated positions, m (or rad for rotary actuators)
+MOST_STEPS = 500_000  # largest number of integration steps of a simulation: about a second of computing
+CURVE_POINTS = 25  # number of points of a curve of the step over amplitude or frequency
+CURVE_SECONDS = 1.0  # time after which the remaining points of the curves are left out, s
 
 _LENGTH = Quantity("s", "T", "length of the experiment", above=0, maximum=LONGEST)
 
@@ -45,11 +50,15 @@ Array = NDArray[np.float64]
 
 
 class Model(Strict):
-    """An actuator in a request of the page. Values are in SI or texts with units; infinity is "inf".
+    """An actuator in a request of the page. Values are numbers in SI or texts with units; infinity is "inf".
 
-    `set` names a parameter set. `model` has changed fields of `Actuator` and of `piezo_sliders`; fields that
-    are left out keep the set's values. `friction` has all fields of the friction law `law`; those of its
-    elements are "stiffness_1", "strength_1" and so on.
+    Attributes:
+        set: name of a parameter set.
+        model: changed fields of `Actuator`, and of the piezo as in `piezo_sliders`; other fields keep the
+            set's values.
+        law: name of the friction law.
+        friction: all fields of the friction law; "stiffness_1", "strength_1" and so on are those of its first
+            element.
     """
 
     set: str = Field(max_length=100)
@@ -60,12 +69,12 @@ class Model(Strict):
     def actuator(self, sets: Sets = PACKAGE) -> Actuator:
         """Return the actuator of the request; raises QuantityError for a wrong value.
 
-        `sets` finds its parameter set: by default only those of the package.
+        `sets` are the parameter sets on offer, by default those of the package.
         """
         base = sets.actuator(self.set)
         changes: dict[str, Any] = dict(self.model)
         if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
-            changes["blocked_force_per_volt"] = None  # only for a stage without dynamics
+            changes["blocked_force_per_volt"] = None  # a field of stages without dynamics only
         own = piezo_sliders.values(base.piezo)
         own |= {field: changes.pop(field) for field in own if field in changes}
         piezo = piezo_sliders.with_values(base.piezo, **own)
@@ -79,7 +88,8 @@ class Model(Strict):
         for name, given in self.friction.items():
             element = re.fullmatch(r"(stiffness|strength)_(\d{1,3})", name)
             field, value = element[1] if element else name, given
-            if field in known:  # here, as the law alone would expect linear units
+            # Units are checked here, because the law alone would expect the units of linear actuators.
+            if field in known:
                 quantity = known[field].along(ANGLE if rotary else LENGTH)
                 value = quantity.check(given, f"{self.law}.{name}")
             if element:
@@ -91,15 +101,21 @@ class Model(Strict):
 
 
 class SliderState(Model):
-    """State of the page: an actuator, the drive's `shape` (name of a waveform) and its fields in `waveform`,
-    and the `duration` of the simulation [s]."""
+    """State of the Explore page: an actuator, its drive, and the duration of the simulation.
+
+    `shape` is the name of a waveform, `waveform` has its fields (numbers in SI, or texts with units), and
+    `duration` is in s.
+    """
 
     shape: str
     waveform: dict[str, Value] = Field(max_length=20)
     duration: Value
 
     def experiment(self, sets: Sets = PACKAGE) -> tuple[Actuator, Waveform, float]:
-        """Return the actuator, its drive and the duration [s]; raises QuantityError for a wrong value."""
+        """Return the actuator, its drive and the duration [s].
+
+        Raises QuantityError for a wrong value, or for more than `MOST_PERIODS` periods.
+        """
         actuator = self.actuator(sets)
         waveform = _known(shapes(), self.shape, "shape")(**self.waveform)
         seconds = _LENGTH.check(self.duration, "duration")
@@ -124,11 +140,11 @@ def _period(waveform: Any) -> float | None:
 
 
 def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tuple[Array, float]:
-    """Return sampling times [s, increasing] for the page's plots, and the start of the last whole period [s].
+    """Return sampling times [s] of the page's plots, and the start [s] of the drive's last whole period.
 
-    The grid is even over the whole time and finer over the last period, for the friction loop. It is finest
-    just after each of the last `MOST_RINGS` breaks of the drive, where the stage vibrates. The start is 0
-    without a whole period.
+    The increasing times are equidistant over the whole time. They are closer over the last period, for the
+    friction loop, and closest just after each of the last `MOST_RINGS` breaks (jumps or corners) of the
+    drive, where the stage vibrates. The start is 0 if `duration` [s] contains no whole period.
     """
     period = _period(waveform)
     last = 0.0
@@ -150,11 +166,12 @@ def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tup
 
 
 class ShownMotion(NamedTuple):
-    """A trajectory as arrays [times], in SI; `problem` says why it ends early ("" if it does not).
+    """Simulated motion: arrays over time, in SI.
 
-    `loop` has the indices of the first sample of the last period and of the first sample after that period
-    (0 and the number of samples for a drive without a period). `unit` is that of positions: m, or rad for
-    rotary actuators.
+    Positions are in `unit`: m, or rad for rotary actuators; the friction is then a torque, N m. `loop` has
+    two indices: of the first sample of the last period, and of the first sample after this period. They are 0
+    and the number of samples for a drive without a period. `problem` says why the simulation ended early, ""
+    if it did not.
     """
 
     time: Array
@@ -173,9 +190,10 @@ class ShownMotion(NamedTuple):
 
 
 def motion(state: SliderState, sets: Sets = PACKAGE) -> ShownMotion:
-    """Simulate the state of the page and return the trajectory.
+    """Simulate the state of the page and return the motion, which may end early, see `ShownMotion`.
 
-    Raises SimulationError if fewer than two samples can be computed, QuantityError for a wrong value.
+    `sets` are the parameter sets on offer. Raises SimulationError if fewer than two samples can be computed,
+    and QuantityError for a wrong value.
     """
     actuator, waveform, duration = state.experiment(sets)
     wanted, last = sample_times(actuator, waveform, duration)
@@ -185,19 +203,24 @@ def motion(state: SliderState, sets: Sets = PACKAGE) -> ShownMotion:
     end = last + (_period(waveform) or duration)
     first, after = np.searchsorted(found.times, [last * (1 - 1e-12), end * (1 + 1e-12)])
     y, _, x, _, force = found.samples[:, :5].T
-    drive = evaluate(waveform.drive(duration), found.times)[0]  # before hysteresis and creep of the piezo
+    # voltage before hysteresis and creep of the piezo
+    drive = evaluate(waveform.drive(duration), found.times)[0]
     problem = "" if found.outcome == COMPLETE else found.outcome
     loop, unit = (int(first), int(after)), unit_for(actuator, "m")
     return ShownMotion(found.times, drive, y, x, force, loop, problem, unit)
 
 
 def mean_speed(state: SliderState, found: ShownMotion, sets: Sets = PACKAGE) -> float | None:
-    """Return the mean speed [m/s, or rad/s] from the end of the first to the end of the last whole period.
+    """Return the mean speed of the end-effector, m/s or rad/s; None for fewer than two whole periods.
 
-    `found` is the trajectory that `motion` computed for `state`.
+    The speed is the mean from the end of the first to the end of the last whole period. The drive has the
+    same phase at both times, so elastic deflection does not count. For a drive without a period, it is the
+    mean from the first to the last sample.
 
-    Both instants have the same phase of the drive, so elastic deflection does not count. None if there are
-    fewer than two periods. For a drive without a period: from the first to the last sample.
+    Args:
+        state: state of the page.
+        found: the motion that `motion` has simulated for this state.
+        sets: parameter sets on offer.
     """
     _, waveform, _ = state.experiment(sets)
     period, time, position = _period(waveform), found.time, found.end_effector_position
@@ -211,12 +234,16 @@ def mean_speed(state: SliderState, found: ShownMotion, sets: Sets = PACKAGE) -> 
 
 
 def step_curves(state: SliderState, sets: Sets = PACKAGE) -> dict[str, Array]:
-    """Return the steady step per period [m, or rad] over amplitude [V] and over frequency [Hz].
+    """Return the steady step per period [m, or rad] over the amplitude [V] and over the frequency [Hz].
 
-    Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, step (one value, of the present
-    drive) and in_time (1, or 0 if points were left out because they take too long). A step is NaN if there is
-    no steady stepping, if the voltage leaves the actuator's range, or if the point was left out. All arrays
-    are empty for a drive without a period, an amplitude or a frequency.
+    The drive is otherwise that of the page. Raises QuantityError for a wrong value.
+
+    Returns:
+        Arrays by name. "step_over_amplitude" is over "amplitude", "step_over_frequency" over "frequency";
+        "step" has one value, for the present drive.
+        "in_time" has one value: 1, or 0 if points were left out after `CURVE_SECONDS`.
+        A step is NaN if there is no steady step, if the voltage leaves the actuator's range, or if the point
+        was left out. All arrays are empty for a drive without a period, an amplitude or a frequency.
     """
     actuator, waveform, _ = state.experiment(sets)
     if _period(waveform) is None or not {"amplitude", "frequency"} <= set(waveform._fields):  # type: ignore[attr-defined]
@@ -229,7 +256,7 @@ def step_curves(state: SliderState, sets: Sets = PACKAGE) -> dict[str, Array]:
     amplitude = np.linspace(top / CURVE_POINTS, top, CURVE_POINTS)
     highest = min(actuator.natural_frequency / (2 * math.pi), 1e4)
     ends = min(1.0, wave.frequency), max(highest, wave.frequency)
-    # Points are dense around the stage's resonance, where the step changes most.
+    # Points are closer above `knee`, near the stage's resonance, where the step changes most with frequency.
     knee = min(max(highest / 8.0, ends[0]), ends[1])
     few = CURVE_POINTS // 3
     frequency = np.append(
@@ -265,7 +292,10 @@ def _step(actuator: Actuator, drive: Any, give_up: float) -> float:
 
 
 def python(state: SliderState, sets: Sets = PACKAGE) -> str:
-    """Return a Python script that simulates the state of the page with the public functions of stickslip."""
+    """Return Python code that simulates the state of the page with the public functions of stickslip.
+
+    Raises QuantityError for a wrong value.
+    """
     actuator, waveform, duration = state.experiment(sets)
     base = sets.actuator(state.set)
     changed = {
@@ -276,7 +306,7 @@ def python(state: SliderState, sets: Sets = PACKAGE) -> str:
     arguments = [f"{field}={_literal(value)}" for field, value in changed.items()]
     if actuator.friction != base.friction:
         arguments.append(f"friction={_record(actuator.friction)}")
-    model = f'ss.load_actuator("{state.set}")'  # a saved set: its path is relative to the panel's folder
+    model = f'ss.load_actuator("{state.set}")'  # a saved set is named relative to the panel's folder
     if arguments:
         model += ".replace(\n    " + ",\n    ".join(arguments) + ",\n)"
     bent = None if actuator.piezo is None else actuator.piezo.hysteresis
@@ -309,7 +339,10 @@ def _record(record: Any) -> str:
 
 
 def _own(kind: type) -> str:
-    """Return the line that imports a user's own law, waveform or hysteresis model; "" for the package's."""
+    """Return the import line of a user's own law, waveform or hysteresis model; "" for one of the package.
+
+    `kind` is its class.
+    """
     place = registry.origin(kind)
     if kind.__module__.startswith("own_"):
         return f"{kind.__name__} = ss.registry.use_file({place!r}).{kind.__name__}"

@@ -30,10 +30,11 @@ SHOWN = (
 
 
 def explore_routes(sets: Sets) -> APIRouter:
-    """Return the routes of the Explore page. The server keeps nothing: all state is in the requests.
+    """Return the router with the routes of the Explore page, below "/api/explore".
 
-    A wrong value is answered with status 422, the reason as `error`, and the `field` of the request that it
-    is about.
+    The server keeps no state of a page: every request contains all of it. A wrong value, or a motion that
+    cannot be simulated, is answered with status 422, the reason as `error`, and the `field` of the request
+    that caused it.
     """
     routes = APIRouter(prefix="/api/explore")
 
@@ -74,7 +75,10 @@ def explore_routes(sets: Sets) -> APIRouter:
 
 
 def binary(header: dict[str, Any], arrays: Mapping[str, ArrayLike]) -> Response:
-    """Return an HTTP response with arrays as float32, behind a JSON header that also lists their names."""
+    """Return an HTTP response with arrays by name, as float32 behind a header in JSON; see `packing.packed`.
+
+    `header` is extended by "names", the names of the arrays in their order.
+    """
     body = packed({**header, "names": list(arrays)}, *arrays.values())
     return Response(body, media_type="application/octet-stream")
 
@@ -86,7 +90,8 @@ def refused(error: Exception) -> JSONResponse:
 def field_of(message: str) -> str:
     """Return the field of the request that an error message is about, such as "friction.sigma_0".
 
-    Messages start with the field's name. "" if the message names none.
+    Such a message starts with the name of the field, often after the name of its record ("LuGre.sigma_0").
+    The result is "" if the message names no field of the page.
     """
     found = re.match(r"(?:(\w+)\.)?(\w+)(?:\[(\d+)\])?", message)
     if found is None:

@@ -1,7 +1,7 @@
 """Separate process that runs the fits of the Identify page, so that a fit can be cancelled at any time.
 
-The page's stream of messages never waits for it. The process starts when the Identify page is first opened: a
-fit then need not wait for the imports, and a panel without fits does not load them.
+The panel's stream of messages never waits for it. The process starts when the Identify page is first opened,
+so that its imports are finished before the first fit, and a panel without fits does not need them.
 """
 
 from __future__ import annotations
@@ -24,26 +24,30 @@ from .folder import Folder
 
 
 class FitTask(NamedTuple):
-    """A request for a fit; `out` is the subfolder of the panel's folder for its report."""
+    """A request for a fit, and `out`, the subfolder of the panel's folder for the report."""
 
     request: FitRequest
     out: str
 
 
 def work(connection: Connection, root: str, used: Sequence[str] = ()) -> None:
-    """Run fits in the process for fits until the panel closes the connection.
+    """Run fits, one after the other, until the panel closes the connection. It is the main function of the
+    process.
 
     Args:
-        connection: gives a `FitTask` for each fit, and takes messages (kind, fields, float32 arrays): those
-            of `fit_recordings`, and "done" or "failed" as the last one of a fit.
+        connection: gives a `FitTask` for each fit, and takes messages, tuples of kind, fields and float32
+            arrays. They are those of `fit_recordings`; the last one of a fit is "done", or "failed" with the
+            reason as "error".
         root: the panel's folder.
-        used: the user's own Python files to run first, with laws and waveforms.
+        used: the user's Python files with laws and waveforms, which are run first.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the connection
+    # Ctrl-C concerns the server alone: it closes the connection, which ends this process.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     come_last()
-    from .fitting import fit_recordings  # not above: the server imports this module, but fits nothing
+    # The import is slow, and the server, which imports this module, too, makes no fits.
+    from .fitting import fit_recordings
 
-    for file in used:  # the server has run these files already; this process needs their laws too
+    for file in used:  # the server has run these files, but not this process
         use_file(file)
     while True:
         try:

@@ -1,4 +1,4 @@
-"""Request for a fit on the Identify page, checked by the server."""
+"""Request for a fit on the Identify page; the server checks it before a fit starts."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ from .exploration import Model, Value
 
 
 class FitRequest(Model):
-    """Request for a fit of recordings in the panel's folder.
+    """Request to fit walks: recordings in the panel's folder, named by their paths relative to it.
 
-    The fields of `Model` give the initial guess. `recordings` are fitted from `begin` to `end` [s]; `others`
-    are only predicted. `free` names the fitted parameters, `bounds` their lower and upper bounds.
+    Times and rates are numbers in SI, or texts with units. The fields of `Model` are the initial guess.
 
-    `loops` and `steps` are recordings with the end-effector clamped. Loops, driven slowly to and fro, give
-    hysteresis and creep; voltage steps give the mode of the stage. `slew_rate` [V/s] is the amplifier's, None
-    if unknown. The fit is repeated from `starts` initial guesses; `hops` is the largest number of further
-    searches for a lower minimum.
+    Attributes:
+        recordings: walks to fit, from `begin` to `end` [s]; None: from the start, to the end.
+        others: walks that are only predicted, from `begin` to `end`.
+        steps: voltage steps with the end-effector clamped, which give the vibration mode of the stage.
+        loops: slow drives to and fro with the end-effector clamped, which give hysteresis and creep.
+        slew_rate: slew rate of the amplifier [V/s]; None if unknown.
+        free, bounds: names of the fitted parameters, and their lower and upper bounds.
+        starts: number of initial guesses from which the fit is repeated.
+        hops: largest number of further searches for a lower minimum.
     """
 
     recordings: list[str] = Field(min_length=1, max_length=20)

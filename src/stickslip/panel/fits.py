@@ -1,4 +1,4 @@
-"""The current or last fit of the Identify page, and the process that runs fits."""
+"""The current or last fit of the Identify page, and the process that makes it."""
 
 from __future__ import annotations
 
@@ -18,18 +18,20 @@ from .fit_request import FitRequest
 from .folder import Folder
 from .stream import Hub, packed
 
-REPORTS = "fits"  # subfolder of the panel's folder for the reports of fits
-RUNNING = "running"  # phase of a fit that has not ended
-_SHOWN = "shown.json"  # file beside a report: the state of the fit as the page showed it
-MOST_CURVES = 32_000_000  # bytes, largest file of curves that is read; a curve has about 2,000 points
+REPORTS = "fits"  # subfolder of the panel's folder that contains the reports of fits
+RUNNING = "running"  # value of "phase" for a fit that is running
+_SHOWN = "shown.json"  # file beside a report with the state of the fit as pages showed it
+# Largest file of curves that is read, bytes. A curve has about 2,000 points of 4 bytes.
+MOST_CURVES = 32_000_000
 
 
 class Fitting:
-    """Current or last fit of a panel; all pages show the same.
+    """Current or last fit of a panel; all pages show the same fit.
 
     Attributes:
-        state: the fit as it is sent to pages; `phase` is "none", "running", "done", "failed" or "cancelled".
-        frames: curves of the fit by kind, as binary messages (see `packing.packed`).
+        state: state of the fit as pages receive it. "phase" is "none", "running", "done", "failed" or
+            "cancelled"; the other keys are the fields of the messages so far, see `fit_recordings`.
+        frames: curves of the fit by the kind of their message, packed for the page (see `packing.packed`).
     """
 
     def __init__(self, folder: Folder, hub: Hub) -> None:
@@ -43,13 +45,14 @@ class Fitting:
         self.state, self.frames = _last(folder)
 
     def start_process(self) -> None:
-        """Start the process for fits unless it runs or the panel closes; returns at once."""
+        """Start the process for fits unless it is running or the panel is closing; returns before it is
+        ready."""
         with self._lock:
             if not self._closed:
                 self._ensure_process()
 
     def start(self, request: FitRequest) -> None:
-        """Start a fit and return at once; raises ValueError while another runs."""
+        """Start a fit and return at once; raises ValueError if a fit is running or the panel is closing."""
         with self._lock:
             if self.state["phase"] == RUNNING:
                 raise ValueError("a fit is running: wait for it, or cancel it")
@@ -60,11 +63,14 @@ class Fitting:
             self._out = f"{REPORTS}/{datetime.now():%Y-%m-%d_%H-%M-%S}"
             self.state = {"phase": RUNNING, "doing": "reading", "request": request.model_dump()}
             self.frames = {}
-            self._tell()  # before the process can send curves
+            self._tell()  # pages must hear of the new fit before its curves arrive
             self._connection.send(FitTask(request, self._out))
 
     def cancel(self) -> None:
-        """Cancel the fit; its last values and curves stay."""
+        """Cancel a running fit by ending its process, and start a new process.
+
+        The last values and curves of the cancelled fit stay.
+        """
         with self._lock:
             if self.state["phase"] != RUNNING:
                 return
@@ -74,21 +80,23 @@ class Fitting:
         self.start_process()
 
     def close(self) -> None:
-        """Stop the process for fits, and a fit with it, for good: the panel closes."""
+        """End the process for fits, and with it a running fit, because the panel is closing."""
         with self._lock:
             self._closed = True
             self._end()
 
     def frame(self, kind: str) -> bytes:
-        """Return the packed curves of a kind ("stage", "recordings", "step", "verified").
+        """Return the packed curves of a message of the current fit: "stage", "recordings", "step" or
+        "verified".
 
-        Raises LookupError without such curves.
+        Raises KeyError (a LookupError) if there was no such message.
         """
         with self._lock:
             return self.frames[kind]
 
     def _ensure_process(self) -> None:
-        """Start a process that waits for requests, unless one is running."""
+        """Start a process for fits, and a thread that receives its messages, unless the process is
+        running."""
         if self._process is not None and self._process.is_alive():
             return
         context = multiprocessing.get_context("spawn")
@@ -109,9 +117,13 @@ class Fitting:
         self._hub.send(json.dumps({"kind": "fit", **self.state}))
 
     def _listen(self, connection: Any, process: Any) -> None:
-        """Receive the messages of the process for fits until it ends, in a thread.
+        """Receive the messages of a process for fits until it ends. Runs in a thread.
 
-        A process that ended during a fit makes it failed; messages of a cancelled fit are ignored.
+        If the process ends during a fit, the fit has failed. Messages of a cancelled fit are ignored.
+
+        Args:
+            connection: connection to the process.
+            process: the process.
         """
         while True:
             try:
@@ -145,37 +157,51 @@ class Fitting:
             state |= {"phase": "failed", "error": self._folder.told(fields["error"])}
         elif kind == "done":
             state |= {"phase": "done"}
-        else:  # kinds hysteresis, stage, recordings, fitted, verified, report
+        else:
+            # Messages "hysteresis", "stage", "recordings", "fitted", "verified" and "report" add their
+            # fields.
             doing = {"fitted": "verifying", "verified": "writing the report"}.get(kind, state["doing"])
             state |= {**fields, "doing": doing}
         self.state = state
 
 
 def _keep(folder: Folder, out: str, state: dict[str, Any], frames: dict[str, bytes]) -> None:
-    """Write the shown state and curves of a fit beside its report, for the next start of the panel."""
+    """Write state and curves of a finished fit beside its report, for the next start of the panel.
+
+    `out` is the report's subfolder of the panel's folder. A disk that cannot be written is ignored.
+    """
     try:
         for kind, frame in frames.items():
             folder.path(f"{out}/shown_{kind}.bin").write_bytes(frame)
         folder.path(f"{out}/{_SHOWN}").write_text(json.dumps(state), encoding="utf-8")
     except OSError:
-        return  # the report itself is complete
+        return  # the fit's report is complete without these files
 
 
 def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return state and curves of the newest complete fit in the folder; phase "none" without one."""
+    """Return state and curves of the newest finished fit in the folder.
+
+    Files that cannot be read are skipped. Without a fit the state has the phase "none", and there are no
+    curves.
+    """
     for path in sorted(folder.root.glob(f"{REPORTS}/*/{_SHOWN}"), reverse=True):
         try:
             return _saved(folder, path)
-        except Exception:  # another version's file, or a damaged one: the panel must start
+        except Exception:
+            # The file is damaged, or from another version; the panel must start all the same.
             continue
     return {"phase": "none"}, {}
 
 
 def _saved(folder: Folder, path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return the state and the curves of a finished fit; raises if they are not as `_keep` wrote them."""
+    """Return state and curves of a finished fit; `path` is the file of its state.
+
+    Raises ValueError, KeyError or OSError unless the files are as `_keep` writes them.
+    """
     state = storable(read_json(folder.path(folder.name(path)), MOST_BYTES))
     FitRequest.model_validate(state["request"])
-    if state["phase"] != "done":  # only finished fits are kept; a running one would block all others
+    # A state that says "running" would refuse all new fits, because no process is running it.
+    if state["phase"] != "done":
         raise ValueError(f"{path}: the fit is not done")
     curves = (folder.path(folder.name(one)) for one in sorted(path.parent.glob("shown_*.bin")))
     return state, {one.stem.removeprefix("shown_"): read_file(one, MOST_CURVES) for one in curves}

@@ -1,7 +1,7 @@
-"""A fit for the Identify page, with messages on its progress: read, fit, verify, report.
+"""A fit for the Identify page: read recordings, fit, verify, write the report, and send messages meanwhile.
 
-As in `stickslip campaign`, slow loops and steps of the clamped end-effector are fitted first: they give
-hysteresis, creep and the mode of the stage.
+As in `stickslip campaign`, recordings with the end-effector clamped are fitted first: slow loops give
+hysteresis and creep, steps give the vibration mode of the stage.
 """
 
 from __future__ import annotations
@@ -43,26 +43,30 @@ from .sets import Sets
 if TYPE_CHECKING:
     import xarray as xr
 
-PAUSE = 0.12  # s, shortest time between two messages with the curves of a running fit
-SHOWN = 2000  # samples of a recording that are drawn
-STEP_SHOWN = 0.02  # s of a step response that are drawn after the step
-_DRAFT = 1e-10  # m, rad for rotary actuators: position tolerance of simulations that are only drawn
+PAUSE = 0.12  # shortest time between two messages "step" of a running fit, s
+SHOWN = 2000  # largest number of samples of a curve that is sent, about
+STEP_SHOWN = 0.02  # time after the voltage step for which a step response is drawn, s
+_DRAFT = 1e-10  # tolerance of positions in simulations that are only drawn, m (or rad for rotary actuators)
 
 Array = NDArray[np.float64]
-# Function that sends a message on the progress: kind, fields, and arrays to draw.
+# Type of the function that sends a message on the progress: kind, fields, and arrays to draw.
 Say = Callable[[str, dict[str, Any], Sequence[Array]], None]
 
 
 def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> None:
     """Fit as requested, verify the fit, write its report, and send messages on the progress.
 
-    Their kinds: "hysteresis", "stage", "recordings", "step" (often), "fitted", "verified", "report".
+    Messages in order, each with its fields and curves: "hysteresis"; "stage"; "recordings" (names, unit; time
+    and position of each); "step", often (values so far, rmse, evaluations; position of the model in each
+    recording); "fitted" (fit, model, correlation, advised); "verified" (verification; time, measured and
+    predicted position of each); "report" (report, notes). Messages on recordings that the request does not
+    name are left out.
 
     Args:
         request: recordings, initial guess and free parameters.
         folder: the panel's folder, with the recordings.
         out: name of its subfolder for the report.
-        say: called with kind, fields and arrays of each message.
+        say: called with kind, fields and curves of each message.
 
     Raises:
         RecordingError, QuantityError, FitError: a recording cannot be read, a value is wrong, or the fit
@@ -114,7 +118,8 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
         walks |= {str(r.title): UsedWalk("verify", r) for r in unseen}
         notes = "" if stage is None else _said_of(stage, request.steps)
         document = walk_document("Identification", fit, actuator, walks, notes)
-        # The results also get the amplifier's slew rate, which no fit contains: `stickslip verify` needs it.
+        # The results also get the amplifier's slew rate, which no fit contains, because `stickslip verify`
+        # needs it.
         known = math.inf if rate is None else rate
         chain = Chain(fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=known)
         numbers = {**document.numbers, "signal_chain": chain_numbers(chain)}
@@ -128,12 +133,15 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
 
 
 def _named(folder: Folder, names: Sequence[str]) -> list[xr.Dataset]:
-    """Return recordings of the folder in full length, with their names as titles."""
+    """Return whole recordings of the folder by name, with their names as titles."""
     return [read_recording(folder.path(name)).assign_attrs(title=name) for name in names]
 
 
 def _bent(loops: Sequence[xr.Dataset], start: Actuator, say: Say) -> Hysteresis | None:
-    """Fit hysteresis and creep to the loops, and send the result; None without loops."""
+    """Fit hysteresis and creep to the loops, and send the message "hysteresis"; None without loops.
+
+    `start` is the actuator with initial values.
+    """
     if not loops:
         return None
     found = hysteresis_in(loops, start, OBSERVED)
@@ -142,7 +150,14 @@ def _bent(loops: Sequence[xr.Dataset], start: Actuator, say: Say) -> Hysteresis 
 
 
 def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say: Say) -> Fit | None:
-    """Fit the stage to the clamped steps, and send it with its curves; None without steps."""
+    """Fit the stage to the clamped steps, and send the message "stage" with its curves; None without steps.
+
+    Args:
+        steps: recordings of voltage steps.
+        start: actuator with initial values.
+        rate: slew rate of the amplifier, V/s; None if unknown.
+        say: sends the message.
+    """
     if not steps:
         return None
     fit = identify_step(steps, start, slew_rate=rate)
@@ -156,9 +171,10 @@ def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say
 
 
 def _near(step: xr.Dataset, measured: Array, model: Array) -> tuple[Array, Array, Array]:
-    """Return time [s], measured and modelled position [m] from 5 ms before to 20 ms after a voltage step.
+    """Return the part of a step response that is drawn: time [s], measured and modelled position [m, or rad].
 
-    The step is the first sample at which the drive has changed by more than half its range.
+    It extends from `STEP_SHOWN` / 4 before to `STEP_SHOWN` after the voltage step, the first sample at which
+    the drive has changed by more than half its range.
     """
     time_, drive = step["time"].values, step["drive_voltage"].values
     at = time_[int(np.argmax(np.abs(drive - drive[0]) > 0.5 * np.ptp(drive)))]
@@ -177,7 +193,10 @@ def _said_of(stage: Fit, names: Sequence[str]) -> str:
 
 
 class _Drafts:
-    """Sends the curves of the best model so far while a fit runs; `identify_friction` calls it."""
+    """Sends the curves of the best model so far while a fit is running.
+
+    `identify_friction` calls it after every evaluation of the model.
+    """
 
     def __init__(
         self, recordings: Sequence[xr.Dataset], request: FitRequest, say: Say, slew_rate: float | None
@@ -188,7 +207,7 @@ class _Drafts:
         self._count = sum(r.sizes["time"] for r in recordings)
 
     def begin(self, actuator: Actuator) -> None:
-        """Prepare the simulations of all recordings, and send the recordings and the initial model's curves.
+        """Prepare the simulations of all recordings; send the recordings and the curves of the initial model.
 
         `actuator` has the initial values.
         """
@@ -201,7 +220,7 @@ class _Drafts:
         traces = [r[k].values for r in self._recordings for k in ("time", OBSERVED)]
         unit = str(self._recordings[0][OBSERVED].attrs["units"])
         self._say("recordings", {"names": names, "unit": unit}, [_thin(one) for one in traces])
-        self.draw({})  # initial values
+        self.draw({})  # without values, the initial ones are used
 
     def __call__(self, state: SearchState) -> None:
         now = time.monotonic()
@@ -222,13 +241,14 @@ class _Drafts:
             self.draw(state.values, fields)
 
     def draw(self, values: Mapping[str, float], fields: dict[str, Any] | None = None) -> None:
-        """Send the model's curves for parameter values by name, with `fields` of the message.
+        """Send the message "step" with the model's curves for these values of the parameters.
 
-        Without `fields` the message has the values. No curves are sent if the values cannot be simulated.
+        `values` are in SI, by name of a parameter. `fields` are the fields of the message; by default only
+        the values. Without curves if a simulation with these values fails.
         """
         try:
             curves = [observed(motion, self._varied, dict(values)) for motion in self._motions]
-        except ArithmeticError:  # some trial values cannot be simulated
+        except ArithmeticError:  # some trial values cannot be simulated; no curves are sent
             curves = []
         self._say("step", fields or {"values": dict(values)}, [_thin(curve) for curve in curves])
 
@@ -247,7 +267,8 @@ def _read(folder: Folder, name: str, request: FitRequest) -> xr.Dataset:
 
 
 def _thin(values: Array) -> Array:
-    """Return every n-th sample of a curve, about `SHOWN` at most, including the first and the last one."""
+    """Return every n-th sample of a curve, with its first and last sample; n is chosen for about `SHOWN`
+    samples."""
     if not values.size:
         return values
     end = values.size - 1
@@ -255,7 +276,10 @@ def _thin(values: Array) -> Array:
 
 
 def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
-    """Return the fitted model as fields of `exploration.Model`: law, its values, fitted model fields."""
+    """Return the fitted model as the page's fields "model", "law" and "friction", see `exploration.Model`.
+
+    "model" has only the fields that the fit, or the fit of the stage, has identified.
+    """
     from .sliders import plain, values_of
 
     found = {*fit.values, *(stage.values if stage is not None else ())}
@@ -267,9 +291,10 @@ def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
 
 
 def _advised(request: FitRequest, fit: Fit) -> dict[str, Any] | None:
-    """Return the request, as a dictionary, with the additional terms that the fit advises.
+    """Return the request extended by the term that the fit advises to add to the model, as a dictionary.
 
-    None if it advises none, or if several terms explain the walks equally well: then the user chooses.
+    It has additional free parameters, bounds and changed fields. It is None if no term is advised, or if
+    several terms describe the walks equally well, because then the user must choose.
     """
     advice = fit.advice
     if advice is None or not advice.cause or advice.equal:
