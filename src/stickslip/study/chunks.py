@@ -2,9 +2,10 @@
 
 A chunk has the form of Zarr (format 3): little-endian numbers, or texts as `vlen-utf8` compressed by gzip
 (RFC 1952), followed by their CRC-32C (RFC 3720). The comment of the gzip header, which readers of Zarr
-ignore, contains the seal of the task. This module writes the chunks itself, because the Zarr library omits
-chunks that contain only missing values, which are results too. Writing does not wait for the disk (no
-fsync): a chunk that a power cut damages does not match its checksum, and is computed again.
+ignore, contains the seal of the task: the checksums of all its chunks (`sealing`). This module writes the
+chunks itself, because the Zarr library omits chunks that contain only missing values, which are results too.
+Writing does not wait for the disk (no fsync): a chunk that a power cut damages does not match its checksum,
+and its task is computed again.
 """
 
 from __future__ import annotations
@@ -27,12 +28,16 @@ from .layout import MOST_CHUNK_BYTES, TEXT
 
 NEEDS = 'a stored study needs {}, which is not installed: pip install "stickslip[{}]"'
 PART = ".part"
-MOST_METADATA_BYTES = 10_000_000  # largest metadata file that is read; metadata of 1,000 results take 1 MB
-MOST_COORDINATE_BYTES = 1_000_000_000  # largest file of a coordinate's values: 125 million numbers of 8 bytes
+# Largest size of a metadata file (zarr.json) that is read or written, bytes; metadata of 1,000 results take 1
+# MB.
+MOST_METADATA_BYTES = 10_000_000
+# Largest size of a file of a coordinate's values, bytes: 125 million numbers of 8 bytes.
+MOST_COORDINATE_BYTES = 1_000_000_000
 _CRC = 4  # bytes of the CRC-32C at the end of a chunk
 _LENGTH = 4  # bytes of each text's length, and of the number of texts, in a chunk of texts
-_TEXT_BYTES = 64  # bytes of a Python string in addition to its letters: 49 to 76, by the kind of letter
-_GZIP = b"\x1f\x8b\x08\x10" + bytes(4) + b"\x04\xff"  # gzip header: with comment, no time, fast, any system
+_TEXT_BYTES = 64  # assumed bytes of a Python string beyond its letters; 49 to 76 in CPython
+# First 10 bytes of a gzip file: deflate, a comment follows, no time, fastest compression, unknown system.
+_GZIP = b"\x1f\x8b\x08\x10" + bytes(4) + b"\x04\xff"
 
 
 class ChunkError(Exception):
@@ -40,22 +45,26 @@ class ChunkError(Exception):
 
 
 def part_beside(path: Path) -> Path:
-    """Return a temporary path in the same folder; the file written there is then renamed to `path`."""
+    """Return a new temporary path in the folder of `path`: hidden, unique, ending in `PART`; nothing is
+    created.
+
+    The caller writes a file or folder there and renames it to `path`, so that `path` is always complete.
+    """
     return path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
 
 
 def chunk_bytes(values: NDArray[Any], dtype: str) -> bytes:
-    """Return the content of a chunk, without its checksum.
+    """Encode the values of a chunk; return the chunk's content, without its checksum.
 
-    Numbers become little-endian data. Texts become gzip data without the header; `with_comment` adds the
-    header.
+    Numbers become little-endian data. Texts become gzip data (with trailer, without header); `with_comment`
+    adds the header.
 
     Args:
         values: array of any shape, numbers or texts.
         dtype: data type in Zarr, such as "float64", or "text".
 
     Raises:
-        ChunkError: the texts would take more memory in a reader than 2 `MOST_CHUNK_BYTES`.
+        ChunkError: the texts would take more memory in a reader than twice `MOST_CHUNK_BYTES`.
     """
     if dtype == TEXT:
         raw = _texts(values)
@@ -67,7 +76,10 @@ def chunk_bytes(values: NDArray[Any], dtype: str) -> bytes:
 
 
 def checksum(data: bytes) -> int:
-    """Return the CRC-32C of a chunk's content; raises ModuleNotFoundError without google-crc32c."""
+    """Return the CRC-32C of a chunk's content, from 0 to 2^32 - 1.
+
+    Raises ModuleNotFoundError if the package google-crc32c is not installed.
+    """
     try:
         from google_crc32c import value
     except ModuleNotFoundError:
@@ -94,7 +106,8 @@ def comment_of(data: bytes) -> tuple[bytes, bytes]:
 def write_chunk(path: Path, data: bytes) -> None:
     """Write the content of a chunk and its checksum to a temporary file, which is then renamed to `path`.
 
-    So another process finds a complete chunk at `path`, or none.
+    So another process finds a complete chunk at `path`, or none. An existing file is replaced; a missing
+    folder is made.
 
     Raises:
         OSError: the disk is full, or another failure; the partial file is removed.
@@ -113,9 +126,10 @@ def write_chunk(path: Path, data: bytes) -> None:
 
 
 def unpacked(name: str, packed: bytes, count: int) -> bytes:
-    """Return the decompressed bytes of a chunk of texts.
+    """Return the decompressed bytes of a chunk of texts, after checks of their number and size.
 
-    They are the number of texts (4 bytes), then for each text its length (4 bytes) and its UTF-8 bytes.
+    They are the number of texts (4 bytes, little-endian), then for each text its length in bytes (4 bytes)
+    and its UTF-8 bytes. The texts themselves are not decoded here.
 
     Args:
         name: name of the variable, for errors.
@@ -124,7 +138,7 @@ def unpacked(name: str, packed: bytes, count: int) -> bytes:
 
     Raises:
         ChunkError: the data are no gzip data, contain another number of texts, are larger than
-            `MOST_CHUNK_BYTES`, or would take more memory than twice that.
+            `MOST_CHUNK_BYTES` when decompressed, or take more than twice as much memory as Python strings.
     """
     try:
         raw = zlib.decompressobj(-zlib.MAX_WBITS).decompress(packed, MOST_CHUNK_BYTES + 1)
@@ -142,12 +156,14 @@ def unpacked(name: str, packed: bytes, count: int) -> bytes:
 
 
 def _check_memory(raw: bytes, count: int) -> None:
-    """Raise ChunkError if texts could take more memory as Python strings than 2 `MOST_CHUNK_BYTES`.
+    """Raise ChunkError if texts could take more memory as Python strings than twice `MOST_CHUNK_BYTES`.
+
+    The estimate has 8 bytes for the reference to each text, `_TEXT_BYTES` for each string, and one byte per
+    letter. Empty texts share one string, so there are at most as many strings as letters.
 
     Args:
         raw: decompressed bytes of the chunk, see `unpacked`.
-        count: number of texts. Only a text with letters needs a string of its own, so the estimate counts at
-            most as many strings as there are letters.
+        count: number of texts.
     """
     letters = len(raw) - _LENGTH * (1 + count)
     if 8 * count + _TEXT_BYTES * min(count, letters) + letters > 2 * MOST_CHUNK_BYTES:
@@ -155,7 +171,7 @@ def _check_memory(raw: bytes, count: int) -> None:
 
 
 def texts_of(name: str, packed: bytes, count: int) -> NDArray[Any]:
-    """Return the texts of a chunk, an array [count] of strings.
+    """Decode a chunk of texts; return an array [count] of strings (dtype object).
 
     Args:
         name: name of the variable, for errors.
@@ -163,7 +179,7 @@ def texts_of(name: str, packed: bytes, count: int) -> NDArray[Any]:
         count: number of texts that the chunk must contain.
 
     Raises:
-        ChunkError: the chunk is damaged.
+        ChunkError: `unpacked` refuses the data, a length is wrong, or a text is not in UTF-8.
     """
     raw, found, at = unpacked(name, packed, count), np.full(count, "", dtype=object), _LENGTH
     if len(raw) == _LENGTH * (1 + count):
@@ -180,7 +196,7 @@ def texts_of(name: str, packed: bytes, count: int) -> NDArray[Any]:
 
 
 def read_chunk(store: Path, name: str, size: int | None = None) -> bytes:
-    """Return the content of a chunk, without its checksum.
+    """Read a chunk and check it against its checksum; return its content without the checksum.
 
     Args:
         store: folder of the store.
@@ -188,7 +204,8 @@ def read_chunk(store: Path, name: str, size: int | None = None) -> bytes:
         size: required number of bytes without the checksum; None: any up to `MOST_CHUNK_BYTES`.
 
     Raises:
-        ChunkError: the chunk is missing, of another length, or damaged.
+        ChunkError: the file is missing, has another length, cannot be read or lies outside the store, or its
+            content does not match the checksum.
     """
     data = plain_bytes(store, name, _CRC + (MOST_CHUNK_BYTES if size is None else size))
     if len(data) < _CRC or (size is not None and len(data) != size + _CRC):
@@ -199,17 +216,7 @@ def read_chunk(store: Path, name: str, size: int | None = None) -> bytes:
 
 
 def plain_bytes(store: Path, name: str, most: int = MOST_METADATA_BYTES) -> bytes:
-    """Return the content of a regular file of a store, at most `most` bytes; raises ChunkError.
-
-    `name` is the path of the file, relative to the store.
-    """
-    with plain_file(store, name, most) as file:
-        return file.read()
-
-
-@contextmanager
-def plain_file(store: Path, name: str, most: int) -> Iterator[io.BufferedReader]:
-    """Open a regular file of a store (no link out of the store, no device) for reading.
+    """Return the content of a regular file of a store.
 
     Args:
         store: folder of the store.
@@ -217,7 +224,24 @@ def plain_file(store: Path, name: str, most: int) -> Iterator[io.BufferedReader]
         most: largest allowed size, bytes.
 
     Raises:
-        ChunkError: the file is missing, no regular file, outside of the store, too large, or not readable.
+        ChunkError: as for `plain_file`.
+    """
+    with plain_file(store, name, most) as file:
+        return file.read()
+
+
+@contextmanager
+def plain_file(store: Path, name: str, most: int) -> Iterator[io.BufferedReader]:
+    """Provide a context with a regular file of a store, open for reading bytes.
+
+    Args:
+        store: folder of the store.
+        name: path of the file, relative to the store.
+        most: largest allowed size, bytes.
+
+    Raises:
+        ChunkError: the file is missing, too large or not readable, is no regular file (such as a device), or
+            a link leads out of the store.
     """
     try:
         with opened(in_store(store, name)) as file:
@@ -246,7 +270,8 @@ def in_store(store: Path, name: str) -> Path:
 
 def _texts(values: NDArray[Any]) -> bytes:
     parts, texts = [values.size.to_bytes(4, "little")], values.ravel().tolist()
-    if not any(texts):  # a fast path, because usually no member failed and all reasons are empty
+    # Faster for empty texts, the usual case: no member has failed, so all reasons of failure are empty.
+    if not any(texts):
         return parts[0] + bytes(4 * len(texts))
     for text in (str(one).encode() for one in texts):
         parts += [len(text).to_bytes(4, "little"), text]

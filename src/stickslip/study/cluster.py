@@ -32,14 +32,17 @@ from .measures import told
 from .store import Store
 from .task import Done, Load, received, run_task
 
-# AHEAD: number of unfinished tasks per worker thread up to which the scheduler is given tasks. LEFT: number
-# per thread at which it is given tasks again: many tasks in one message cost less than a message for each.
-# PATIENCE: seconds of attempts to reach a lost scheduler before the run gives up.
+# Unfinished tasks that the scheduler has, per worker thread: with LEFT or fewer, tasks are sent until there
+# are AHEAD. One message with many tasks costs less than many messages.
+# PATIENCE: time for which a lost scheduler is tried again before the run gives up, s.
 AHEAD, LEFT, PATIENCE = 3, 2, 60.0
 
-LOAD = ".load-"  # start of the name of the file that describes the study to workers; its hash follows
+# Start of the name of a file in the store: a pickled `Load` for the workers. The file's hash completes the
+# name.
+LOAD = ".load-"
 
-_PREPARED: dict[str, tuple[Study, Store]] = {}  # studies that this worker has read, by path of the file
+# Studies that this worker process has read, each with its store, by path of the `LOAD` file.
+_PREPARED: dict[str, tuple[Study, Store]] = {}
 _PREPARING = threading.Lock()
 
 
@@ -51,8 +54,8 @@ def one_task(path: str, number: int) -> None:
         number: number of the task.
 
     Raises:
-        StudyError: the worker cannot compute the study, or the disk is full.
-        RuntimeError: any other error, as text.
+        StudyError: the worker cannot compute the study, or the disk is full. No other task can succeed then.
+        RuntimeError: any other error, as text: its type and message.
     """
     try:
         with _PREPARING:
@@ -67,9 +70,9 @@ def one_task(path: str, number: int) -> None:
 
 
 def _read(path: Path) -> Load:
-    """Return the study and the files that a worker needs, from the file `path` (`LOAD`).
+    """Read the `Load` of a study (the pickled study, and files that a worker needs) from the file `path`.
 
-    Raises StudyError if the file is missing or does not match the hash in its name.
+    Raises StudyError if the file cannot be read or does not match the hash in its name.
     """
     try:
         data = path.read_bytes()
@@ -83,16 +86,18 @@ def _read(path: Path) -> Load:
 def run_on_cluster(
     load: Load, todo: list[int], address: str, heard: Callable[[Done], None]
 ) -> dict[int, str]:
-    """Compute tasks on the workers of a dask scheduler.
+    """Compute tasks on the workers of a dask scheduler, which write the results to the store.
+
+    If the connection is lost, tasks that the store does not have yet are sent again after reconnection.
 
     Args:
-        load: study and files that each worker is given at its start.
+        load: study and files that each worker reads before its first task.
         todo: numbers of the tasks.
         address: address of the scheduler, "tcp://host:8786".
         heard: called with the report of each finished task.
 
     Returns:
-        The reasons of tasks that failed on three attempts, by number of the task; empty if all are done.
+        The errors of tasks that failed in three attempts, by number of the task; empty if all are done.
 
     Raises:
         StudyError: the scheduler does not answer, or no more for `PATIENCE` seconds; a worker cannot compute
@@ -105,7 +110,8 @@ def run_on_cluster(
     what = partial(one_task, str(file))
     while True:
         try:
-            # With this timeout [s] an absent scheduler raises an error; the loop waits and tries again.
+            # Without a scheduler, the client raises an OSError after this timeout [s]; the loop then tries
+            # again.
             with Client(address, timeout=5.0, set_as_default=False) as client:
                 lost = 0.0
                 if _run(client, what, store, tasks, len(todo), heard):
@@ -143,9 +149,9 @@ def _run(
     count: int,
     heard: Callable[[Done], None],
 ) -> bool:
-    """Send tasks to the scheduler until each is done or has failed for good; return True then.
+    """Send tasks to the scheduler until each is done, or has failed in three attempts.
 
-    Return False if the scheduler was lost.
+    Late tasks are also sent to another worker if no other tasks are left.
 
     Args:
         client: connection to the scheduler.
@@ -154,6 +160,9 @@ def _run(
         tasks: queue of the tasks and their outcomes, updated here.
         count: number of tasks of this run.
         heard: called with the report of each finished task.
+
+    Returns:
+        True at the end; False if the connection to the scheduler was lost.
 
     Raises:
         StudyError: the study was asked to stop, or a worker reports that it cannot continue.
@@ -191,9 +200,9 @@ def _run(
 
 
 def _threads(client: Client) -> dict[str, int]:
-    """Return the number of threads of each worker, by its address.
+    """Return the number of threads of each worker, by the worker's address.
 
-    The scheduler's full information would take kilobytes per worker.
+    This request is small; the scheduler's full information would take kilobytes per worker.
     """
     found: Any = client.nthreads()
     return found
@@ -207,7 +216,8 @@ def _give(
     answers: queue.Queue[_RunningShare],
     workers: list[str] | None = None,
 ) -> None:
-    # Each key is unique: for a known key the scheduler would return the stored result of an earlier run.
+    # Keys by which the scheduler knows the tasks. For a known key it would return the result of an earlier
+    # run.
     keys = [f"{uuid.uuid4().hex[:8]}-{number}" for number in numbers]
     futures = client.map(what, numbers, key=keys, pure=False, workers=workers) if numbers else []
     for number, key, future in zip(numbers, keys, futures, strict=True):
@@ -220,6 +230,11 @@ def _late(client: Client, running: dict[Any, _RunningShare], tasks: Tasks) -> li
 
     A task is late if its last sending is longer ago than `Tasks.limit`. The workers are those that compute no
     late task. The list is empty if there is no late task or no such worker.
+
+    Args:
+        client: connection to the scheduler.
+        running: unfinished tasks by their dask key.
+        tasks: queue of the tasks, with the computing times of finished ones.
     """
     newest: dict[int, float] = {}
     for one in running.values():
@@ -238,7 +253,8 @@ def _late(client: Client, running: dict[Any, _RunningShare], tasks: Tasks) -> li
 def _take(one: _RunningShare | None, layout: Layout, tasks: Tasks, heard: Callable[[Done], None]) -> None:
     if one is None:
         return
-    if one.future.status in ("cancelled", "lost"):  # the connection to the scheduler was lost
+    # The connection to the scheduler was lost: the task must be sent again.
+    if one.future.status in ("cancelled", "lost"):
         tasks.waiting.append(one.number)
         return
     if one.future.status == "error":

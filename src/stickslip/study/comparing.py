@@ -37,9 +37,9 @@ class StudyComparison(NamedTuple):
 class Compared(NamedTuple):
     """Result of comparing two studies.
 
-    `said` lists the differences between the studies' descriptions, in words. `only_first`, `only_second` and
-    `both` are the numbers of members that are computed in one store only and in both. `variables` has a
-    `StudyComparison` for each variable that both stores contain.
+    `said` lists the differences between the studies' descriptions, in words. `only_first` and `only_second`
+    are the numbers of members that are computed in one store only, `both` is the number of members computed
+    in both. `variables` has a `StudyComparison` for each variable that both stores contain.
     """
 
     said: list[str]
@@ -52,7 +52,7 @@ class Compared(NamedTuple):
     def equal(self) -> bool:
         """Return True if the same members are computed, with equal values in all common variables.
 
-        Equal means without a tolerance; NaN equals NaN.
+        Equal means without a tolerance; NaN equals NaN. The studies' descriptions (`said`) may differ.
         """
         return not (self.only_first or self.only_second or any(v.members for v in self.variables))
 
@@ -62,12 +62,16 @@ def compare_studies(
 ) -> Compared:
     """Compare the results of two studies over the same members.
 
-    The comparison reads one task of the first store at a time, so that the memory suffices for large stores.
+    Both stores are first checked completely for damage. The comparison then reads one task of the first store
+    at a time, so that the memory suffices for large stores.
 
     Args:
         first, second: folders of the stores. The studies may differ, but not in names and sizes of their
             dimensions, nor in the values of a grid.
-        progress: called after each task.
+        progress: called after each task with a text and the finished fraction, from 0 to 1.
+
+    Returns:
+        The differences of descriptions, computed members and values.
 
     Raises:
         StudyError: a folder is no store of a study, or a store is damaged.
@@ -124,15 +128,16 @@ def merge_studies(
 
     Args:
         stores: folders of stores of the same study, with tasks of the same size.
-        into: folder of a new store, or of one of the stores, which gets the tasks that it lacks.
-        progress: called after each copied task.
+        into: folder of a new store, or of an existing store of the study, which gets the tasks that it lacks.
+        progress: called after each copied task with a text and the finished fraction, from 0 to 1.
 
     Returns:
-        The number of tasks that are finished in none of the stores.
+        The number of unfinished tasks of the study, which none of the stores has.
 
     Raises:
         StudyDiffers: the stores belong to different studies, or have tasks of different sizes.
-        StudyError: a folder is no store of a study, or a task is damaged and no other store has it undamaged.
+        StudyError: there are no stores, a folder is no store of a study, or a task is damaged and no other
+            store has it undamaged; the undamaged tasks are copied all the same.
     """
     sources = [Store(path) for path in stores]
     if not sources:
@@ -160,7 +165,11 @@ def merge_studies(
 
 
 def _begin(first: Store, target: Path) -> None:
-    """Create the store `target` without results, with the metadata and coordinates of the store `first`."""
+    """Create the store `target` without results, with copies of metadata and coordinates of the store
+    `first`.
+
+    Raises StudyError if the metadata of `first` are damaged, or the new folder cannot be written.
+    """
     first.check_known()
     begun = part_beside(target)
     try:

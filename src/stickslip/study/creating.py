@@ -40,6 +40,8 @@ def create(
 ) -> None:
     """Create a store with all metadata and no results; do nothing if another process has just created it.
 
+    The store is written to a temporary folder, which is then renamed, so that it appears complete.
+
     Args:
         path: folder of the new store.
         description: description of the study, from `described`.
@@ -69,7 +71,7 @@ def create(
         path.parent.mkdir(parents=True, exist_ok=True)
         _metadata(begun, manifest, layout, axes, inner, title)
         if path.is_dir() and not any(path.iterdir()):
-            path.rmdir()  # some operating systems cannot rename a folder to an existing empty one
+            path.rmdir()  # some operating systems cannot rename a folder to the name of an existing empty one
         begun.rename(path)
     except OSError as error:
         if not (path / "zarr.json").exists():
@@ -133,8 +135,8 @@ def _metadata(
     names = [one.relative_to(path).as_posix() for one in written]
     manifest["files"] = {name: file_hash(path, name) for name in names}
     with warnings.catch_warnings():
-        # The library warns that consolidated metadata are not part of format 3. Readers that do not know them
-        # read the metadata of each array.
+        # Consolidated metadata (those of all arrays in one file) open faster. The library warns that they are
+        # not part of format 3; readers that do not know them read the file of each array.
         warnings.simplefilter("ignore")
         zarr.consolidate_metadata(str(path))
     content = json.loads((path / "zarr.json").read_bytes())

@@ -17,15 +17,19 @@ from ..quantities.units import own_unit
 from .own import OwnFunction, content_hash
 from .points import Grid, Part, Random
 
-# Largest number of values that a description contains as a list; longer arrays are given by size and hash.
+# Largest number of values of an array that a description lists; of a longer array it has size and hash.
 SHOWN = 64
 
 
 def described(study: Any) -> dict[str, Any]:
-    """Return the description of a `Study` as JSON data.
+    """Return the description of a `Study` as JSON data; studies with equal descriptions have equal results.
 
-    It contains the points, the measure, the versions of the package and of its engine, and hashes of the
-    user's own files. Equal descriptions give equal results.
+    Its keys are "study" (points, measure, summary and kept results, with hashes of the user's own files),
+    "order" (see `_order`), "package" (version) and "engine" (hash of its sources). Title and size of tasks
+    are left out, because no result depends on them.
+
+    Raises:
+        RegistryError: a file of the user cannot be read.
     """
     return {
         "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
@@ -36,8 +40,10 @@ def described(study: Any) -> dict[str, Any]:
 
 
 def _order(points: Any) -> list[list[str]]:
-    """Return the order of the names in each part: a grid's dimensions, and the columns of a random design.
-    `identity` sorts by name, so without this list a study with its names in another order would seem equal.
+    """Return the names of the quantities of each `Grid` and `Random` part, in the user's order.
+
+    This order determines a grid's dimensions and a random design's numbers. `identity` sorts by name, so
+    without this list a study with its names in another order would seem equal.
     """
     parts = [points] if isinstance(points, Part) else points
     ordered = [part for part in parts if isinstance(part, Grid | Random)]
@@ -45,15 +51,16 @@ def _order(points: Any) -> list[list[str]]:
 
 
 def identity(description: Mapping[str, Any]) -> str:
-    """Return the hash of a study's description, by which a store recognises its study."""
+    """Return the SHA-256 hash of a study's description, by which a store recognises its study."""
     text = json.dumps(description, sort_keys=True, allow_nan=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
-    """Return the differences between two descriptions as texts, one for each differing value.
+    """Return the differences between two descriptions, as texts "PLACE: VALUE there, VALUE here".
 
-    `there` is the description in a store and `here` the description of the present study.
+    There is one text for each differing value. `there` is the description in a store and `here` the
+    description of the present study.
     """
     first, second = (dict(_leaves(one)) for one in (there, here))
     return [

@@ -20,7 +20,7 @@ from .points import Part, StudyAxis, axes_of
 if TYPE_CHECKING:
     import xarray as xr
 
-# Name of the additional status of members for which the user's summary function failed.
+# Name of the status of members that were computed, but for which the user's summary function failed.
 SUMMARY_FAILED = "summary_failed"
 _STATUS = ("status", "reason")
 
@@ -35,8 +35,8 @@ class Study:
         summary: a function of your own, or ``"FILE.py:NAME"``, that is given the dataset of some members (as
             `steady_steps` or `simulate_ensemble` returns it, with trajectories if requested)
             and returns arrays [member] by name, or `xarray.DataArray` with units in their attributes.
-        keep: names of the results to keep; by default all, except trajectories if there is
-            a summary.
+        keep: names of the results to keep besides status and reason; by default all, except trajectories
+            if there is a summary. The summary's own results are always kept.
         task: number of members per task. A worker computes one task at a time, and a crash loses
             the unfinished tasks. The default depends on the study alone, not on the machine.
         title: title of the study.
@@ -57,12 +57,15 @@ class Study:
             raise QuantityError(f"task = {task!r} must be a whole number of members > 0")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the arguments for pickling, without the cached results of the trial."""
+        """Return the arguments by name, for pickling; cached axes and results of the trial are left out."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @cached_property
     def axes(self) -> list[StudyAxis]:
-        """Return the varied quantities, one `StudyAxis` per dimension of the study; raises QuantityError."""
+        """Return the varied quantities, one `StudyAxis` per dimension of the study.
+
+        Raises QuantityError for a name or value that is not allowed.
+        """
         return axes_of(self.points, self.measure.read)
 
     @property
@@ -74,11 +77,12 @@ class Study:
         return tuple(axis.size for axis in self.axes)
 
     def columns(self, place: dict[str, slice]) -> Columns:
-        """Return the varied values of some members by name, each an array [members]; the last dimension
-        varies fastest.
+        """Return the varied values of a block of members by name, each an array [members] in SI.
+
+        In the arrays, the index of the last dimension varies fastest.
 
         Args:
-            place: for each dimension, the slice of indices that the members cover.
+            place: by dimension, the slice of indices that the block covers.
         """
         parts = [axis.at(place[axis.dim].start, place[axis.dim].stop) for axis in self.axes]
         shape, found = tuple(part.shape[1] for part in parts), {}
@@ -91,11 +95,14 @@ class Study:
     def computed(self, columns: Columns) -> xr.Dataset:
         """Compute some members; return the results to keep over "member", with status and reason last.
 
+        A member that cannot be computed has a status other than 0, and its error as the reason.
+
         Args:
-            columns: varied values of the members by name, arrays [members], as from `columns`.
+            columns: varied values of the members by name, arrays [members] in SI, as from `columns`.
 
         Raises:
-            QuantityError: `keep` names an unknown result, or a summary has the name of a result.
+            QuantityError: `keep` names an unknown result, or a result of the summary has the name of another
+                result or of a varied value.
         """
         found, own = self.measure.computed(columns), []
         found = found.drop_vars([name for name in columns if name in found])
@@ -142,22 +149,27 @@ class Study:
         return Layout(self.dims, self.shape, cut(self.shape, task), (*varied, *found))
 
     def inner(self) -> dict[str, xr.DataArray]:
-        """Return the coordinates of dimensions that only results have, such as time, by name."""
+        """Return the coordinates of dimensions that results have besides "member", such as time, by name."""
         made = self._trial
         return {str(name): c for name, c in made.coords.items() if name != "member"}
 
     @cached_property
     def _trial(self) -> xr.Dataset:
-        """Return the results of the first two members; they show names, units and shapes of all results."""
+        """Return the results of the first two members, which show names, units and shapes of all results.
+
+        A study of one member has only this one.
+        """
         place = {axis.dim: slice(0, min(2, axis.size)) for axis in self.axes}
         return self.computed({name: column[:2] for name, column in self.columns(place).items()})
 
     def _summarised(self, found: xr.Dataset, columns: Columns) -> tuple[xr.Dataset, xr.Dataset]:
         """Apply the user's summary function to the results `found` of some members.
 
+        The function is given `found` together with the varied values `columns`, arrays [members] by name.
+
         Returns:
-            The summary over "member", and `found` with the status `SUMMARY_FAILED` and the error as reason
-            for members for which the function failed.
+            The summary over "member" (NaN where the function failed), and `found`, in which complete members
+            with a failed summary have the status `SUMMARY_FAILED` and the error as reason.
         """
         assert isinstance(self.summary, OwnFunction)
         summary, given = self.summary, found.assign({n: ("member", c) for n, c in columns.items()})

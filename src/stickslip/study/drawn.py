@@ -18,9 +18,11 @@ from ..simulation.varied import RATIOS, changed_fields, free_names, quantity_of
 
 Array = NDArray[np.float64]
 
-# Names and units of values in samples and fits that belong to the sensor or the sampler, not to the actuator.
+# Values in samples and fits that belong to the sensor or the sampler, not to the actuator: names and SI
+# units.
 NOT_OF_ACTUATOR = {"delay": "s", "offset": "m", "log_posterior": ""}
-# Largest relative difference between a value of the model and the estimate of the fit; both should be equal.
+# Largest relative difference between a value of the model and the fit's estimate at which both count as
+# equal.
 SAME = 1e-6
 
 
@@ -31,17 +33,18 @@ def drawn_parameters(
 
     Draws from a fit are normally distributed in the fit's coordinates (such as logarithms); draws beyond a
     bound are set to the bound, and parameters that lie at a bound are fixed. Draws from a posterior, or from
-    arrays by name, are randomly chosen samples; each sample is used once if `count` samples exist.
+    arrays by name, are samples chosen at random with repetition; if there are just `count` samples, each is
+    used once, in order. All parameters of a draw come from the same sample.
 
     Args:
-        source: a fit, a posterior, or samples by name: arrays of equal length.
-        model: the actuator; other names are left out.
+        source: a fit, a posterior, or samples by name: arrays of equal length, in SI or with units.
+        model: the actuator; values that are no parameters of the actuator are left out.
         count: number of draws.
         seed: seed of the random numbers.
 
     Raises:
-        QuantityError: the source contains no parameter of the model, a fit does not determine a parameter, or
-            the model has other values than the fit.
+        QuantityError: the source contains no parameter of the model, arrays have an unknown name or different
+            lengths, a fit does not determine a parameter, or the model has other values than the fit.
     """
     random = np.random.default_rng(seed)
     if isinstance(source, Posterior):
@@ -64,9 +67,10 @@ def drawn_parameters(
 
 
 def _arrays(source: Mapping[str, ArrayLike], model: Actuator) -> dict[str, Array]:
-    """Return given samples in SI by name; raises QuantityError for unknown names.
+    """Convert given samples to SI; return arrays [n] by name.
 
-    Known are the parameters of the model, and the names in `NOT_OF_ACTUATOR`.
+    Raises QuantityError for a name that is neither a parameter of the model nor in `NOT_OF_ACTUATOR`, and for
+    a wrong unit.
     """
     known, found = [*free_names(model), *NOT_OF_ACTUATOR], {}
     for name, one in source.items():
@@ -102,7 +106,8 @@ def _rows(columns: Mapping[str, Array], count: int, random: np.random.Generator)
     if len(sizes) != 1 or 0 in sizes:
         raise QuantityError(f"draws of {', '.join(columns) or 'nothing'} must be as many of each, and some")
     size = sizes.pop()
-    # each sample once if their number is right, else a random choice with repetition
+    # If there are as many samples as draws, each sample is used once; otherwise a random choice with
+    # repetition.
     chosen = np.arange(count) if size == count else random.integers(0, size, count)
     return {name: values[chosen] for name, values in columns.items()}
 
@@ -125,7 +130,11 @@ def _normal(fit: Fit, count: int, random: np.random.Generator) -> dict[str, Arra
 
 
 def _refuse_others(model: Actuator, values: dict[str, float]) -> None:
-    """Raise QuantityError if a value of the model differs from the fit's estimate in `values`."""
+    """Raise QuantityError if a value of the model differs from the fit's estimate in `values` (SI, by name).
+
+    The largest allowed relative difference is `SAME`. Draws around another estimate would be of another
+    model.
+    """
     law, own = changed_fields(model, values)
     now = model.friction._asdict() | {name: getattr(model, name) for name in own}
     for name, value in (law | own).items():

@@ -13,4 +13,6 @@ class StudyError(Exception):
 
 
 class StudyDiffers(ValueError):
-    """Error: a store belongs to another study; the message names the differences."""
+    """Error: a store belongs to another study, or two stores to different ones; the message has the
+    differences.
+    """

@@ -25,21 +25,22 @@ def export_study(
     """Write the results computed so far to a file; its ending selects the format.
 
     A ``.nc`` file contains everything. A ``.parquet`` file (extra ``stickslip[parquet]``) or ``.csv`` file
-    has a line for each computed member with its varied values, without results over further dimensions such
-    as time. Tables are written task by task; NetCDF takes the memory of all results.
+    has a line for each computed member: its varied values and results, without results over further
+    dimensions such as time. Tables are written task by task; NetCDF takes the memory of all results.
 
     Args:
         store: folder of the study.
         file: path of the new file; an existing file is replaced.
-        progress: called after each task; for NetCDF at the end.
+        progress: called with a text and the finished fraction, after each task or, for NetCDF, at the end.
 
     Returns:
         The number of computed members.
 
     Raises:
         QuantityError: the ending is unknown, or no member is computed yet (Parquet).
-        StudyError: the folder is not a store of a study, or a damaged one.
-        OSError: the file cannot be written; names it.
+        StudyError: the folder is not a store of a study, or the store is damaged.
+        ModuleNotFoundError: pyarrow is missing (Parquet).
+        OSError: the file cannot be written; the error names it.
     """
     there, file = Store(store), Path(file)
     writers = {".nc": _netcdf, ".parquet": _parquet, ".csv": _csv}
@@ -54,7 +55,7 @@ def export_study(
 def _netcdf(store: Store, file: Path, progress: Progress) -> int:
     whole = open_study(store.path).load()
     for name in [n for n, one in whole.items() if one.dtype.kind not in "fiu"]:
-        whole[name] = whole[name].astype(object)  # strings of variable length
+        whole[name] = whole[name].astype(object)  # the file then has strings of variable length
     # The file is made in memory, because HDF5 ends the whole process if a disk is full when it closes a file.
     file.write_bytes(whole.to_netcdf(None, engine="h5netcdf"))
     progress("writing", 1.0)
@@ -69,6 +70,8 @@ def _tables(store: Store, progress: Progress) -> Iterator[pd.DataFrame]:
 
 def _table(part: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
     """Return a table with a line for each computed member, and a column for each varied value and result.
+
+    Uncomputed members (status -1) have no line.
 
     Args:
         part: results of one task.
@@ -122,7 +125,7 @@ def _parquet(store: Store, file: Path, progress: Progress) -> int:
 
 @contextmanager
 def _closed() -> Iterator[list[Any]]:
-    """Yield an empty list for writers; close the writers in the list at the end, also after an error."""
+    """Yield an empty list for Parquet writers; close all writers in it at the end, also after an error."""
     writers: list[Any] = []
     try:
         yield writers

@@ -12,23 +12,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# Limits of the default number of members per task: at most MOST members, and few enough for TASKS tasks, so
-# that all processors have work.
+# Limits of the default number of members per task: at most MOST, and few enough that the study has TASKS
+# tasks, so that all processors have work.
 MOST, TASKS = 8192, 64
-# Largest size of a task's results in memory that the default number of members gives, bytes.
+# Largest size in memory of a task's results, for the default number of members per task, bytes.
 LARGEST = 64_000_000
 TEXT = "text"
 MOST_DIMS = 32  # largest number of dimensions of a study; the limit of NumPy 1 and HDF5
-MOST_TASKS = 10_000_000  # largest number of tasks; each task is a file per variable, and files are looked for
-MOST_CHUNK_BYTES = 128_000_000  # largest chunk, twice `LARGEST`; a reader needs twice this memory
+# Largest number of tasks: each has a file per variable, and a resumed run looks for the status file of each.
+MOST_TASKS = 10_000_000
+# Largest size of one variable's chunk, bytes: twice `LARGEST`. Reading a chunk takes twice this memory.
+MOST_CHUNK_BYTES = 128_000_000
 
 
 class StudyVariable(NamedTuple):
     """Description of one variable in the store, a result or a varied value.
 
-    `dims` names the dimensions of the study that the variable has, `inner` the variable's own dimensions
+    `dims` names the dimensions of the study that the variable has, `inner` the variable's further dimensions
     (such as time) with their sizes. `dtype` is the name of a NumPy type, or "text". `about` contains the
-    attributes, such as units.
+    attributes, such as `units`.
     """
 
     name: str
@@ -50,8 +52,8 @@ class Layout(NamedTuple):
     """Layout of all results of a study in its store.
 
     `dims` and `shape` are the dimensions of the study and their sizes. `task` is the number of members of a
-    task along each dimension. `variables` are in the order of writing: the status is last, so that a task
-    with a status is complete.
+    task along each dimension: a task is a block of members. `variables` are in the order of writing: the
+    status is last, so that a task with a status file is complete.
     """
 
     dims: tuple[str, ...]
@@ -78,7 +80,7 @@ class Layout(NamedTuple):
         return self.tasks * sum(self.size(v) for v in self.variables if v.dtype != TEXT)
 
     def place(self, number: int) -> dict[str, slice]:
-        """Return for each dimension the slice of indices that a task covers; `number` is that of the task."""
+        """Return the slice of indices that the task `number` covers in each dimension, by name."""
         at = np.unravel_index(number, self.counts)
         return {
             dim: slice(int(i) * part, min((int(i) + 1) * part, size))
@@ -86,15 +88,15 @@ class Layout(NamedTuple):
         }
 
     def chunk(self, variable: StudyVariable) -> tuple[int, ...]:
-        """Return the shape of a variable's chunks.
+        """Return the shape of a variable's chunk: a task's members along each dimension, then `inner` sizes.
 
-        All chunks have it: a chunk at the end of a dimension is padded with fill values.
+        All chunks have this shape: a chunk at the end of a dimension is padded with fill values.
         """
         part = dict(zip(self.dims, self.task, strict=True))
         return (*(part[dim] for dim in variable.dims), *(size for _, size in variable.inner))
 
     def size(self, variable: StudyVariable) -> int:
-        """Return the size of a variable's chunk in memory, bytes; for texts that of the references alone."""
+        """Return the size of a variable's chunk in memory, bytes; for texts, 8 bytes per reference alone."""
         one = 8 if variable.dtype == TEXT else np.dtype(variable.dtype).itemsize
         return one * math.prod(self.chunk(variable))
 
@@ -104,9 +106,9 @@ class Layout(NamedTuple):
         return (*(size[dim] for dim in variable.dims), *(count for _, count in variable.inner))
 
     def key(self, variable: StudyVariable, number: int) -> str:
-        """Return the path of the file with a variable's chunk of a task, relative to the store.
+        """Return the path of the file with a variable's chunk of the task `number`, relative to the store.
 
-        `number` is the number of the task.
+        It is "VARIABLE/c/I/J/...", with the task's index along each dimension and 0 for each `inner` one.
         """
         at = dict(zip(self.dims, np.unravel_index(number, self.counts), strict=True))
         return "/".join(
@@ -120,9 +122,10 @@ class Layout(NamedTuple):
 
 
 def cut(shape: tuple[int, ...], wanted: int) -> tuple[int, ...]:
-    """Return the number of members of a task along each dimension, at most `wanted` in all.
+    """Divide a study into tasks; return the number of members of a task along each dimension.
 
-    The last dimensions are kept undivided as far as possible.
+    A task has at most `wanted` members in all. The last dimensions are kept undivided as far as possible.
+    `shape` has the sizes of the study's dimensions.
     """
     parts, left = [], max(1, wanted)
     for size in reversed(shape):
@@ -132,14 +135,14 @@ def cut(shape: tuple[int, ...], wanted: int) -> tuple[int, ...]:
 
 
 def usual(members: int, bytes_of_one: int) -> int:
-    """Return the default number of members per task, a power of two.
+    """Return the default number of members per task: the largest power of two within three limits.
 
-    It gives at least `TASKS` tasks (of one member, if the study has fewer), of at most `MOST` members and
-    `LARGEST` bytes each.
+    A task has at most `MOST` members and `LARGEST` bytes of results, and a study at least `TASKS` tasks. A
+    study of fewer members has tasks of one member.
 
     Args:
         members: number of members of the study.
-        bytes_of_one: size of the results of one member, bytes.
+        bytes_of_one: size of the results of one member in memory, bytes.
     """
     most = min(MOST, max(1, members // TASKS), max(1, LARGEST // max(1, bytes_of_one)))
     return 1 << (most.bit_length() - 1)
@@ -151,7 +154,7 @@ def layout_text(layout: Layout) -> str:
 
 
 def layout_of(found: Mapping[str, Any]) -> Layout:
-    """Return the layout from the content of the JSON text that `layout_text` wrote.
+    """Return the layout from the decoded JSON of `layout_text`, after the checks of `check_layout`.
 
     Raises:
         LookupError, TypeError, ValueError: the content is not a layout.
@@ -167,10 +170,11 @@ def layout_of(found: Mapping[str, Any]) -> Layout:
 
 
 def check_layout(layout: Layout) -> None:
-    """Raise ValueError for an impossible layout.
+    """Raise ValueError for an impossible layout, such as one from a damaged or foreign file.
 
-    A layout from a damaged or foreign file could have names that lead out of the store, wrong sizes, or no
-    status and reason.
+    Names must be identifiers, because others could lead out of the store. Numbers of dimensions and tasks and
+    sizes of chunks have limits. The last variable must be the status, over all dimensions, with the meanings
+    of its codes; just one variable, the reason, must be of texts.
     """
     for name in (*layout.dims, *(v.name for v in layout.variables)):
         if not str(name).isidentifier():

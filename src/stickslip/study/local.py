@@ -27,8 +27,10 @@ from .errors import STOPPED, StudyError
 from .store import Store
 from .task import Done, Load
 
-ATTEMPTS = 3  # failures after which a task, or the start of workers, is given up
-# A task is late if its time exceeds LATE times the median of recent tasks, and AT_LEAST seconds.
+# Number of failures after which a task is given up; and of failed starts in succession that end the run.
+ATTEMPTS = 3
+# A task is late if it has taken more than LATE times the median time of recent tasks, and more than AT_LEAST
+# s.
 LATE, AT_LEAST = 3.0, 2.0
 # Time allowed for the start of a worker, s; doubled after each failed start, because the machine may be busy.
 BEGINS = 60.0
@@ -62,12 +64,16 @@ def sigint_blocked() -> Iterator[None]:
 
 
 class Worker:
-    """A worker process, and a thread that puts its answers into a queue.
+    """A worker process, started at once, and a thread that puts its answers into a queue.
 
     The queue gets pairs of worker and answer (decoded JSON, see `worker`); the answer None marks the end of
     the process. `task` is the number of the present task, None for an idle worker. `begun` is the time at
     which the worker or its task was started (`time.monotonic`, s). `ready` is True after the worker has read
     the study.
+
+    Args:
+        load: study and files, which the process reads first.
+        answers: the queue, which all workers of a run share.
     """
 
     def __init__(self, load: Load, answers: queue.Queue[tuple[Worker, Any]]) -> None:
@@ -92,12 +98,15 @@ class Worker:
             self.process.stdin.flush()
             for line in self.process.stdout:
                 answers.put((self, json.loads(line)))
-        except (OSError, ValueError):  # the worker was killed, perhaps in the middle of a line
+        except (OSError, ValueError):  # the worker was killed, perhaps while it wrote an answer
             pass
         answers.put((self, None))
 
     def give(self, number: int) -> None:
-        """Send the number of a task to the worker; the listening thread notices a dead worker."""
+        """Send the number of a task to the worker, and set `task` and `begun`.
+
+        A dead worker raises no error here: the listening thread notices it.
+        """
         self.task, self.begun = number, time.monotonic()
         assert self.process.stdin
         with contextlib.suppress(OSError):
@@ -105,7 +114,7 @@ class Worker:
             self.process.stdin.flush()
 
     def end(self) -> None:
-        """Kill the process, also a suspended one, and wait for its end."""
+        """Kill the process, even a suspended one; wait for its end, and close its pipes."""
         self.process.kill()
         self.process.wait()
         self._listener.join()
@@ -119,8 +128,9 @@ class Worker:
 class Tasks:
     """Queue of the tasks still to compute, and the outcomes of the others; tasks are known by number.
 
-    The last task in `waiting` is the next. `attempts` counts failures of a task. `failed` has the reasons of
-    tasks that were given up, `done` the finished tasks, and `seconds` their computing times, s.
+    The last task in `waiting` is the next. `attempts` has the number of failures of each task that failed.
+    `failed` has the errors of tasks that were given up, as text by task, `done` the finished tasks, and
+    `seconds` the computing times of finished tasks in the order of their ends, s.
     """
 
     waiting: list[int]
@@ -137,7 +147,10 @@ class Tasks:
         return None
 
     def finish(self, done: Done) -> bool:
-        """Record a finished task; return False if another worker had already finished it, else True."""
+        """Record a finished task, given its report; return False if another worker had already finished it.
+
+        A task that was given up before counts as finished from now on.
+        """
         self.seconds.append(done.seconds)
         new = done.number not in self.done
         self.done.add(done.number)
@@ -147,6 +160,8 @@ class Tasks:
     def again(self, number: int, why: str) -> None:
         """Put a task whose computation or worker failed back into the queue; give it up after `ATTEMPTS`.
 
+        Nothing happens if another worker has finished the task.
+
         Args:
             number: number of the task.
             why: reason of the failure, as text.
@@ -155,7 +170,7 @@ class Tasks:
             return
         self.attempts[number] = self.attempts.get(number, 0) + 1
         if self.attempts[number] < ATTEMPTS:
-            self.waiting.insert(0, number)  # tried after all others, and probably by another worker
+            self.waiting.insert(0, number)  # the task is tried after all others, probably by another worker
         else:
             self.failed[number] = why
 
@@ -173,23 +188,28 @@ class Tasks:
         return max(late)[1] if late else None
 
     def limit(self) -> float:
-        """Return the computing time above which a task is late, s; infinite while no task is done."""
+        """Return the computing time above which a task is late, s; infinite while no task is done.
+
+        It is `LATE` times the median of the last 200 finished tasks, at least `AT_LEAST`.
+        """
         if not self.seconds:
             return math.inf
         return max(AT_LEAST, LATE * statistics.median(self.seconds[-200:]))
 
 
 def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done], None]) -> dict[int, str]:
-    """Compute tasks in worker processes on this machine.
+    """Compute tasks in worker processes on this machine, which write the results to the store.
+
+    All processes are killed at the end, also after an error.
 
     Args:
         load: study and files that each worker is given at its start.
         todo: numbers of the tasks.
         workers: largest number of processes.
-        heard: called with the report of each finished task.
+        heard: called with the report of each finished task, once per task.
 
     Returns:
-        The reasons of tasks that failed on three attempts, by number of the task; empty if all are done.
+        The errors of tasks that failed in three attempts, by number of the task; empty if all are done.
 
     Raises:
         StudyError: no worker starts, a worker cannot compute this study, the disk is full, or the study was
@@ -205,7 +225,7 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
                 raise StudyError(STOPPED)
             for one in team:
                 if not one.ready and time.monotonic() - one.begun > BEGINS * 2.0**lost:
-                    one.process.kill()  # the queue then reports the worker's end
+                    one.process.kill()  # the worker's thread then puts None, its end, into the queue
             try:
                 worker, answer = answers.get(timeout=0.5)
             except queue.Empty:

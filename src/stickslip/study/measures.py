@@ -27,14 +27,17 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class SteadySteps:
-    """Measure: the steady step (net displacement per period) of each member, see `stickslip.steady_steps`.
+    """Measure: the steady step of each member, computed by `stickslip.steady_steps`.
+
+    The steady step is the net displacement per period of the periodic motion.
 
     Args:
-        model, waveform: common to all members, except in the fields that the study varies.
-        tolerance: allowed error of the net step, m (rad).
+        model, waveform: actuator and drive of all members, except for the fields that the study varies.
+        tolerance: allowed error of the net step, m, or rad for a rotary actuator.
         load: normal force relative to its reference, for all members: a number or a waveform, as for
             `steady_steps`.
-        output: converter and amplifier between each drive signal and the piezo.
+        output: converter and amplifier between each drive signal and the piezo; None: the drive acts
+            directly.
     """
 
     model: Actuator
@@ -51,7 +54,9 @@ class SteadySteps:
         return _read(self.model, self.waveform, name, values)
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """Compute the steady steps of members; return the results over "member".
+        """Compute the steady steps of members; return the results of `steady_steps` over "member".
+
+        A failed member raises no error: its status and reason tell it.
 
         Args:
             columns: varied values by name, arrays [members] in SI.
@@ -71,15 +76,16 @@ class SteadySteps:
 
 @dataclass(frozen=True)
 class WalksFromRest:
-    """Measure: a simulated walk of each member from rest, see `stickslip.simulate_ensemble`.
+    """Measure: a walk of each member from rest, simulated by `stickslip.simulate_ensemble`.
 
     Args:
-        model, waveform: common to all members, except in the fields that the study varies.
+        model, waveform: actuator and drive of all members, except for the fields that the study varies.
         duration: simulated time, s; by default the duration of each member's waveform.
-        sample_rate: sample rate of trajectories, Hz; by default only summaries are computed.
-        tolerance: allowed error of the position, m (rad).
+        sample_rate: sample rate of trajectories, Hz; by default there are only results with one number per
+            member, no trajectories.
+        tolerance: allowed error of the position, m, or rad for a rotary actuator.
         load: normal force relative to its reference, for all members: a number or a waveform.
-        max_steps: largest number of integration steps of each member.
+        max_steps: largest number of integration steps of each member; a member that needs more fails.
     """
 
     model: Actuator
@@ -98,7 +104,9 @@ class WalksFromRest:
         return _read(self.model, self.waveform, name, values)
 
     def computed(self, columns: Columns) -> xr.Dataset:
-        """Simulate members; return the results over "member" (and "time", for trajectories).
+        """Simulate members; return the results of `simulate_ensemble` over "member".
+
+        Trajectories are over "time", too. A failed member raises no error: its status and reason tell it.
 
         Args:
             columns: varied values by name, arrays [members] in SI.
@@ -124,8 +132,8 @@ class Own:
 
     The function is called with the varied values, arrays [member] by name, and returns results: arrays
     [member] by name, or `xarray.DataArray` with units in their attributes. If it raises an error for several
-    members, it is called for each of them alone. A member that fails then has the status 1, and the error as
-    its reason.
+    members, it is called for each of them alone. A member that fails then has the status 1, the error as its
+    reason, and NaN as results.
 
     Args:
         function: a function of a module or a file, or ``"FILE.py:NAME"``.
@@ -139,9 +147,10 @@ class Own:
         object.__setattr__(self, "function", own_function(self.function))
 
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
-        """Return the values of a name in the unit that `units` states [n], and their attributes.
+        """Return the varied values of a name in the unit that `units` states [n], and their attributes.
 
-        Raises QuantityError for values in another kind of unit.
+        The attributes have the key `units`, or none for a plain number. Raises QuantityError for values with
+        a unit of another kind, such as V for m.
         """
         unit = self.units.get(name, "")
         column = np.atleast_1d(array_si(values, unit, name))
@@ -149,6 +158,8 @@ class Own:
 
     def computed(self, columns: Columns) -> xr.Dataset:
         """Call the function for members; return its results over "member", with status and reason.
+
+        The status is 0 (complete) or 1 (failed); the reason is "" for complete members.
 
         Args:
             columns: varied values by name, arrays [members].
@@ -170,14 +181,16 @@ Measure = SteadySteps | WalksFromRest | Own
 
 
 def one_by_one(work: Callable[[slice], xr.Dataset], count: int) -> tuple[xr.Dataset, dict[int, str]]:
-    """Return the results of all members; if one raises an error, compute each member alone.
+    """Compute all members in one call of `work`; if it raises an error, compute each member alone.
+
+    So one bad member does not lose the results of the others.
 
     Args:
-        work: function from a slice of members to their results over "member".
+        work: function from a slice of member indices to the results of these members over "member".
         count: number of members.
 
     Returns:
-        The results over "member", NaN for failed members and an empty dataset if all fail; and the errors of
+        The results over "member", NaN for failed members, or an empty dataset if all fail; and the errors of
         failed members as text, by index of the member.
     """
     try:
@@ -205,15 +218,16 @@ def told(error: BaseException) -> str:
 
 
 def as_dataset(found: Any, count: int, of: str) -> xr.Dataset:
-    """Return the results of a user's function as a dataset over "member".
+    """Convert the results of a user's function to a dataset over "member"; attributes such as units are kept.
 
     Args:
-        found: mapping of arrays [count], as the function returned it.
+        found: what the function returned: it must be a mapping of arrays [count] by name.
         count: number of members.
         of: name of the function, for errors.
 
     Raises:
-        QuantityError: the result is not a mapping of arrays [member].
+        QuantityError: the result is no mapping, or an array has another shape than [count].
+        ValueError, TypeError: a result contains something other than numbers.
     """
     if not isinstance(found, Mapping):
         raise QuantityError(f"{of} returned a {type(found).__name__}, not arrays [member] by name")
@@ -233,5 +247,6 @@ def _read(model: Actuator, waveform: Waveform, name: str, values: ArrayLike) -> 
 
 def _quietly(work: Callable[[], xr.Dataset]) -> xr.Dataset:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SimulationWarning)  # the members' status and reason say the same
+        # These warnings say that members failed, and so do the status and reason of these members.
+        warnings.simplefilter("ignore", SimulationWarning)
         return work()

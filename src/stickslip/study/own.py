@@ -24,7 +24,10 @@ class OwnFunction:
     content: str
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the function; its file is imported at the first call."""
+        """Call the function and return its result; its file is imported at the first call.
+
+        Raises RegistryError if the file cannot be imported or has no such function.
+        """
         return _found(self)(*arguments)
 
     def __str__(self) -> str:
@@ -42,7 +45,8 @@ def own_function(
             already. None if the user gives the place, relative to the current folder.
 
     Raises:
-        RegistryError: the function is not at the top level of a file that other processes can import.
+        RegistryError: the function is not at the top level of a file that other processes can import (the
+            main script is none), the file is not allowed, or its name is of something else than a function.
     """
     if isinstance(given, OwnFunction):
         return given
@@ -67,14 +71,15 @@ def own_function(
 
 
 def content_hash(path: str | Path) -> str:
-    """Return the SHA-256 hash of a file; raises RegistryError if it cannot be read."""
+    """Return the SHA-256 hash of a file in hexadecimal digits; raises RegistryError if it cannot be read."""
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError as error:
         raise RegistryError(f"{path} cannot be read: {error.strerror}") from error
 
 
-_PLACES: dict[str, str] = {}  # path on this machine of each file that was sent here, by hash of its content
+# Paths on this machine of the files that other processes have sent to this one, by hash of the content.
+_PLACES: dict[str, str] = {}
 
 
 def _found(function: OwnFunction) -> Any:
@@ -86,14 +91,15 @@ def _found(function: OwnFunction) -> Any:
 
 
 def files_of(paths: Iterable[str]) -> list[tuple[str, bytes]]:
-    """Return files as they are sent to workers: pairs of path and content, each file once."""
+    """Read files that are to be sent to workers; return pairs of path and content (bytes), each file once."""
     return [(path, Path(path).read_bytes()) for path in dict.fromkeys(paths)]
 
 
 def law_files(model: Any) -> list[str]:
     """Return the paths of the user's files that a worker must import.
 
-    They are the file that defines the friction law of `model`, and all files that this process has used.
+    They are the file that defines the friction law of `model`, if it is a user's law, and all files that this
+    process has run by `use_file`. `model` is an actuator, or None.
     """
     law = origin(type(getattr(model, "friction", None)))
     return [*([law] if law.endswith(".py") else []), *registry.used_files()]
@@ -103,7 +109,7 @@ def put_in_use(files: Iterable[tuple[str, bytes]]) -> None:
     """Import files that were sent from another process.
 
     If the same path on this machine has the same content, that file is imported; otherwise the content is
-    written to a new temporary folder.
+    written to a new temporary folder and imported from there. `OwnFunction` finds files by their content.
 
     Args:
         files: pairs of path and content.
@@ -115,7 +121,7 @@ def put_in_use(files: Iterable[tuple[str, bytes]]) -> None:
         content = hashlib.sha256(text).hexdigest()
         path = _PLACES.get(content, path)
         if not (Path(path).is_file() and content_hash(path) == content):
-            folder = tempfile.mkdtemp(prefix="stickslip-own-")  # new and private to this user
+            folder = tempfile.mkdtemp(prefix="stickslip-own-")  # no other user of the machine can write there
             path = str(Path(folder, Path(path).name))
             Path(path).write_bytes(text)
         _PLACES[content] = path

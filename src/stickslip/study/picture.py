@@ -25,18 +25,19 @@ Statistic = Literal["median", "tenth", "nine_tenths", "least", "greatest", "coun
 
 # Number of cells along an axis; an axis of a grid with up to twice as many values has a cell for each value.
 CELLS = 32
-MOST = 2**20  # largest number of members that are read; of a larger study, evenly selected tasks are read
-WIDE = 5.0  # ratio of greatest to least value above which an axis is logarithmic
+# Largest number of members that are read for a picture; of a larger study, evenly spaced tasks are read.
+MOST = 2**20
+WIDE = 5.0  # ratio of the greatest to the least value above which positive values have logarithmic cells
 _QUANTILES = {"median": 0.5, "tenth": 0.1, "nine_tenths": 0.9, "least": 0.0, "greatest": 1.0}
 
 
 class StudyPicture(NamedTuple):
     """Picture of a study: the statistic of a result in cells of two varied values.
 
-    `across` and `up` are the edges of the cells along the horizontal and vertical axis. `cells` [up, across]
-    contains the statistic, NaN in empty cells. `log` tells for each axis (across, up) whether it is
-    logarithmic. `members` is the number of members shown, `done` the number of finished tasks, `read` the
-    number of tasks selected for reading, and `damaged` the number of these that are damaged.
+    `across` and `up` are the edges of the cells along the horizontal and vertical axis, in SI. `cells`
+    [up, across] contains the statistic, NaN in empty cells. `log` is a pair for the axes (across, up): True
+    for a logarithmic axis. `members` is the number of members shown, `done` the number of finished tasks,
+    `read` the number of tasks selected for reading, and `damaged` the number of these that are damaged.
     """
 
     across: Array
@@ -50,9 +51,9 @@ class StudyPicture(NamedTuple):
 
 
 def pictured(store: Store) -> tuple[dict[str, StudyVariable], dict[str, StudyVariable]]:
-    """Return the variables that a picture can show, by name: varied values, and results.
+    """Return the variables that a picture of a study can show: varied values and results, two dicts by name.
 
-    Results are the variables with one number per member.
+    Shown results have one number per member; texts, the status and trajectories are left out.
 
     Raises:
         StudyError: coordinates of the store are damaged.
@@ -78,8 +79,9 @@ def study_picture(
         result: name of the result.
         across, up: names of the varied values on the two axes; without `up` the result itself is the vertical
             axis, and cells count members, whatever the statistic is.
-        statistic: "median", "tenth" and "nine_tenths" (quantiles), "least", "greatest", "count" of members,
-            or "failed", the fraction of computed members whose status is not complete (0).
+        statistic: "median", "tenth" or "nine_tenths" (quantiles 0.5, 0.1 and 0.9), "least", "greatest",
+            "count" of members, or "failed", the fraction of computed members whose status is not 0
+            (complete). All but "failed" count complete members with a finite result alone.
 
     Raises:
         QuantityError: there is no such name or statistic.
@@ -112,7 +114,10 @@ def study_picture(
 
 
 def _at_random(store: Store) -> set[str]:
-    """Return the names of the quantities that vary at random, according to the store's description."""
+    """Return the names of the quantities of random designs, according to the store's description.
+
+    Raises StudyError if the description is damaged.
+    """
     with damaged(StudyError, f"{store.path}: its description is damaged"):
         points = store.description["study"]["points"]
         parts = points if isinstance(points, list) else [points]
@@ -120,9 +125,9 @@ def _at_random(store: Store) -> set[str]:
 
 
 def _coordinates(store: Store) -> dict[str, tuple[StudyVariable, Array]]:
-    """Return variable and values of each varied quantity of a grid or of draws, by name.
+    """Return variable and values [n] of each varied quantity of a grid or of draws, by name.
 
-    The values of random quantities are not among them; they are stored with each task.
+    The values of random designs are not among them; they are stored with each task.
     """
     found = store.coordinates()
     return {
@@ -135,12 +140,16 @@ def _coordinates(store: Store) -> dict[str, tuple[StudyVariable, Array]]:
 def _columns(
     store: Store, names: list[str], known: dict[str, tuple[StudyVariable, Array]]
 ) -> tuple[dict[str, Array], int, int, int]:
-    """Return values of members of finished tasks, and the numbers of finished, selected and damaged tasks.
+    """Read values of the members of finished tasks, at most about `MOST` members.
 
     Args:
         store: store of the study.
-        names: names of results and varied quantities; the values are arrays [members] by these names.
+        names: names of results and varied quantities to read.
         known: varied quantities of `_coordinates`; all others are read from the tasks.
+
+    Returns:
+        Arrays [members] by these names, and the numbers of finished, selected and damaged tasks. Damaged
+        tasks are left out.
     """
     layout = store.layout
     of = {one.name: one for one in layout.variables}
@@ -175,14 +184,15 @@ def _columns(
 
 
 def _edges(values: Array, known: Array | None) -> Array:
-    """Return the edges of the cells along an axis.
+    """Return the edges of the cells along an axis, ascending.
 
-    They lie halfway between the values of a grid of up to 2 `CELLS` values, and otherwise at equal distances.
-    If the values are positive and span more than the factor `WIDE`, this refers to their logarithms.
+    A grid of 2 to 2 `CELLS` values has a cell around each value, with edges halfway between the values.
+    Otherwise `CELLS` cells of equal width span the values, or a single cell if all values are equal. If the
+    values are positive and their ratio exceeds `WIDE`, edges are placed on the logarithmic scale.
 
     Args:
         values: values of the shown members.
-        known: values of the grid along this axis; None without a grid.
+        known: values of the grid or draws along this axis; None for others.
     """
     low, high = float(values.min()), float(values.max())
     log = low > 0.0 and high / low > WIDE
@@ -198,7 +208,10 @@ def _edges(values: Array, known: Array | None) -> Array:
 
 
 def _log(edges: Array) -> bool:
-    """Return True if the logarithms of the edges are more evenly spaced than the edges."""
+    """Return True if the logarithms of the edges are more evenly spaced than the edges.
+
+    Return False for fewer than three edges, or edges that are not all positive.
+    """
     if edges.size < 3 or not edges[0] > 0.0:
         return False
     uneven = [np.ptp(apart) / abs(apart.mean()) for apart in (np.diff(edges), np.diff(np.log(edges)))]
@@ -210,7 +223,9 @@ def _cell(values: Array, edges: Array) -> NDArray[np.intp]:
 
 
 def _of_cells(flat: NDArray[np.intp], values: Array, count: int, statistic: Statistic) -> Array:
-    """Return the statistic of the values in each cell [count]; NaN for empty cells.
+    """Return the statistic of the values in each cell, an array [count]; NaN for empty cells.
+
+    A quantile is the value of the nearest rank, without interpolation.
 
     Args:
         flat: index of the cell of each value.

@@ -1,7 +1,7 @@
 """Points of a study: grids, random and quasi-random designs, draws of a posterior, and products of them.
 
-The varied values of a task are computed from the task's position in the study, equally on every machine. So
-no array of all members is ever made.
+The varied values of a task are computed from the task's position in the study, with equal results on every
+machine. So no array of all members is ever made.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..quantities.units import QuantityError
 
 Array = NDArray[np.float64]
-# Function that converts the values of a name (numbers in SI, or strings with units) to SI. It returns the
-# converted values and the attributes of the name, `units` and `long_name`.
+# Function that is given the name and the values of a varied quantity (numbers in SI, or strings with units).
+# It returns the values in SI [n] and the attributes of the quantity, `units` and `long_name`.
 Read = Callable[[str, ArrayLike], tuple[Array, dict[str, str]]]
 Method = Literal["sobol", "halton", "uniform"]
 Spacing = Literal["linear", "log"]
 
 MOST_MEMBERS = 10**12  # largest number of members of a study
-# Largest number of points of SciPy's Sobol sequence, which has 30 bits.
+# Largest number of points of a Sobol sequence in SciPy, which computes it with 30 bits.
 MOST_SOBOL = 2**30
 
 
@@ -36,7 +36,7 @@ class Grid:
     """Grid: all combinations of the values of several quantities; each quantity becomes a dimension.
 
     Args:
-        values: values of each quantity by name, in SI or with units; no value may occur twice.
+        values: values of each quantity by name, in SI or with units; a quantity may not have a value twice.
     """
 
     values: Mapping[str, ArrayLike]
@@ -45,7 +45,8 @@ class Grid:
 class Range(NamedTuple):
     """Range of a random quantity, from `low` to `high`, in SI or as strings with units.
 
-    With the spacing "log" the logarithm of the quantity is uniformly distributed.
+    With the spacing "linear" the quantity is uniformly distributed, with "log" its logarithm; `low` must then
+    be positive.
     """
 
     low: float | str
@@ -58,7 +59,7 @@ class Random:
     """Random or quasi-random design: members spread over ranges, along the dimension "member".
 
     Args:
-        ranges: range of each quantity by name, a `Range` or a pair of its ends.
+        ranges: range of each quantity by name, a `Range` or a pair (low, high).
         members: number of members.
         method: "sobol" (scrambled; best with a power of two), "halton" (scrambled) or "uniform"
             (independent random numbers). A Sobol sequence has up to 2^30 members.
@@ -75,7 +76,7 @@ class Random:
 class Draws:
     """Members with listed values, along one dimension, such as draws from a fit or a posterior.
 
-    `drawn_parameters` makes such draws.
+    Member i has the i-th value of each quantity. `drawn_parameters` makes such draws.
 
     Args:
         values: values of each quantity by name, arrays of equal length, in SI or with units.
@@ -115,10 +116,12 @@ def axes_of(parts: Part | Sequence[Part], read: Read) -> list[StudyAxis]:
 
     Args:
         parts: a `Grid`, a `Random` design, `Draws`, or several of them.
-        read: function from a name and its values to the values in SI and the attributes of the name.
+        read: function from a name and its values to the values in SI and the attributes of the name, see
+            `Read`.
 
     Raises:
-        QuantityError: a name or a value is not allowed; the message names the part and the name.
+        QuantityError: nothing varies, a name varies twice, there are more than `MOST_MEMBERS` members, or a
+            name, a value or an option of a part is not allowed.
     """
     found: list[StudyAxis] = []
     for part in [parts] if isinstance(parts, Part) else parts:
@@ -197,14 +200,19 @@ def _random_axis(part: Random, read: Read) -> StudyAxis:
 
 
 class _Sequence:
-    """Quasi-random or random points in the unit cube; any range of the sequence can be computed alone."""
+    """Quasi-random or random points in the unit cube; any range of the sequence can be computed alone.
+
+    `method` and `seed` are as for `Random`; `dimensions` is the number of random quantities.
+    """
 
     def __init__(self, method: Method, seed: int, dimensions: int) -> None:
         self._method, self._seed, self._dimensions = method, seed, dimensions
         self._sampler: Any = None
 
     def numbers(self, start: int, stop: int) -> Array:
-        """Return the points from index `start` up to (without) `stop`, [dimensions, stop - start]."""
+        """Return the points from index `start` up to (without) `stop`, [dimensions, stop - start], from 0 to
+        1.
+        """
         if self._method == "uniform":
             generator = np.random.PCG64(self._seed)
             generator.advance(start * self._dimensions)
@@ -215,7 +223,7 @@ class _Sequence:
         if start > self._sampler.num_generated:
             self._sampler.fast_forward(start - self._sampler.num_generated)
         with warnings.catch_warnings():
-            # SciPy warns if the number of points is no power of two; the user has chosen the number.
+            # SciPy warns if the number of points is no power of two, which only affects how evenly they lie.
             warnings.simplefilter("ignore", UserWarning)
             return self._sampler.random(stop - start).T
 

@@ -23,8 +23,11 @@ from .store import Store
 def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     """Return the results of a study computed so far; the values are read from the store on demand.
 
-    The dataset is that of `xarray.open_zarr`, with damaged results refused. For members that were not
-    computed when the store was opened, status is -1, numbers are NaN and reasons are empty.
+    The dataset equals that of `xarray.open_zarr`, but reading damaged results raises an error. For members
+    that were not computed when the store was opened, status is -1, numbers are NaN and reasons are empty.
+
+    Args:
+        path: folder of the study's store.
 
     Raises:
         StudyError: the folder is not a store of a study, or its metadata are damaged. Reading damaged or
@@ -45,14 +48,14 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     beside = {*str(about.pop("coordinates", "")).split(), *known}
     try:
         return xr.Dataset({**found, **known}, attrs=about).set_coords(sorted(beside & {*found, *known}))
-    except ValueError as error:  # a coordinate's length differs from its dimension
+    except ValueError as error:  # the length of a coordinate differs from the size of its dimension
         raise StudyError(f"{store.path}: its coordinates are damaged: {error}") from None
 
 
 def blocks(store: Store) -> Iterator[tuple[dict[str, slice], xr.Dataset]]:
-    """Yield for each task the slice of each dimension that the task covers, and the results in memory.
+    """Yield for each task the slice of each dimension that it covers, by name, and its results in memory.
 
-    Tasks that are not computed are included, with fill values.
+    Tasks that are not computed are included, with fill values. Raises StudyError for damaged results.
     """
     whole = open_study(store.path)
     for number in range(store.layout.tasks):
@@ -63,7 +66,8 @@ def blocks(store: Store) -> Iterator[tuple[dict[str, slice], xr.Dataset]]:
 class _Results(BackendArray):
     """Array of one variable's results for xarray, read on demand from the finished tasks.
 
-    Members of unfinished tasks have the variable's fill value.
+    Members of unfinished tasks have the variable's fill value. `done` is True for each task that was finished
+    when the store was opened, over the numbers of tasks along each dimension.
     """
 
     def __init__(self, store: Store, variable: StudyVariable, done: NDArray[np.bool_]) -> None:
@@ -77,7 +81,7 @@ class _Results(BackendArray):
         )
 
     def _selected(self, key: tuple[int | slice, ...]) -> NDArray[Any]:
-        """Return the values selected by an index or a slice along each dimension."""
+        """Return the values that an index or a slice along each dimension selects, from the needed tasks."""
         asked = [
             range(size)[one] if isinstance(one, slice) else range(one, one + 1)
             for one, size in zip(key, self.shape, strict=True)
@@ -94,12 +98,13 @@ class _Results(BackendArray):
         ]
 
     def _tasks(self, box: list[range]) -> list[int]:
-        """Return the numbers of finished tasks that contain the values of a region, each value once.
+        """Return the numbers of finished tasks that together contain each value of a region once.
 
-        Several tasks contain the same values if the variable lacks a dimension of the study.
+        Several tasks contain the same values if the variable lacks a dimension of the study; then only the
+        first of them is returned.
 
         Args:
-            box: range of indices along each dimension of the variable.
+            box: the region, a range of indices along each dimension of the variable.
         """
         layout, dims = self._store.layout, self._variable.dims
         spans = dict(zip(dims, box, strict=False))

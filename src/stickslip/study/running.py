@@ -30,15 +30,16 @@ if TYPE_CHECKING:
 
 # Largest number of members that are computed in order to estimate the cost of a study.
 TRIAL = 64
-# Shortest time between progress reports: OFTEN seconds, or the fraction SHARE of the time since the start.
+# Shortest time between progress reports: the larger of OFTEN seconds and the fraction SHARE of the time since
+# the start.
 OFTEN, SHARE = 2.0, 0.01
 
 
 class Estimate(NamedTuple):
     """Estimated cost of a study.
 
-    `members` and `tasks` are their numbers, `cpu` is the processor time [s], `bytes` the size of the results
-    on the disk without texts, and `seconds` the processor time per member [s].
+    `members` and `tasks` are their numbers, `cpu` is the processor time of all members [s], `bytes` the size
+    of the results on the disk without texts, and `seconds` the processor time per member [s].
     """
 
     members: int
@@ -55,7 +56,7 @@ class Estimate(NamedTuple):
 
 
 def estimate_study(study: Study) -> Estimate:
-    """Estimate the cost of a study by computing some randomly chosen members.
+    """Estimate the cost of a study by computing up to `TRIAL` members, chosen at random with a fixed seed.
 
     Raises:
         QuantityError: a part of the study is impossible.
@@ -142,8 +143,10 @@ def run_study(
 def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
     """Return the store of a study in the folder `path`; the store is created if missing.
 
+    The metadata of the store are checked, and files that killed processes left there are removed.
+
     Raises:
-        StudyDiffers: the store belongs to another study.
+        StudyDiffers: the store belongs to another study, or has larger tasks than the study asks for.
         QuantityError: the study is impossible or cannot be stored.
         StudyError: the store is damaged, or cannot be created.
     """
@@ -152,7 +155,8 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
     there = Store(path)
     there.check(description, study.task)
-    if _of(there.layout) != _of(study.layout()):  # the study's hash does not cover the layout
+    # The hash of the study's description, which `check` compares, does not cover the layout.
+    if _of(there.layout) != _of(study.layout()):
         raise StudyError(
             f"{there.path}: its layout is not that of the study, with {study.layout().members:,} members: "
             "was its zarr.json changed? Take another store"
@@ -163,9 +167,10 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
 
 
 def _of(layout: Layout) -> list[Any]:
-    """Return the parts of a layout that must agree between a study and its store.
+    """Return the parts of a layout that must agree between a study and its store, as a list to compare.
 
-    They are all parts except the size of the tasks and the attributes of variables.
+    They are the dimensions, their sizes, and name, dimensions and type of each variable. The size of the
+    tasks and the attributes of variables may differ.
     """
     found = json.loads(layout_text(layout))
     fields = ("name", "dims", "inner", "dtype")
@@ -180,7 +185,7 @@ def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> li
     Args:
         store: store of the study.
         shard: (k, n), the share of the tasks, see `run_study`; None for all tasks.
-        progress: called during the check.
+        progress: called during the check with a text and the checked fraction, from 0 to 1.
     """
     k, n = shard or (1, 1)
     mine, done, damaged = range(k - 1, store.layout.tasks, n), store.done(), []
@@ -199,7 +204,11 @@ def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> li
 
 
 class _ToldProgress:
-    """Reporter of a run's progress; it is called after each task and reports at increasing intervals."""
+    """Reporter of a run's progress, called with the report (`Done`) of each finished task.
+
+    At increasing intervals (`OFTEN`, `SHARE`), and after the last task, it calls `progress` with speed and
+    remaining time as text, and the finished fraction of the `tasks` of this run.
+    """
 
     def __init__(self, layout: Layout, tasks: int, progress: Progress) -> None:
         self._layout, self._tasks, self._progress = layout, tasks, progress
@@ -211,7 +220,7 @@ class _ToldProgress:
         self._members += done.members
         self._failed += done.failed
         now = time.monotonic()
-        if not self._begun:  # time counts from the start of the first finished task
+        if not self._begun:  # the run's time is counted from the start of the task that finishes first
             self._begun = self._last = now - done.seconds
         passed = now - self._begun
         if self._done < self._tasks and now - self._last < max(OFTEN, SHARE * passed):
@@ -226,12 +235,12 @@ class _ToldProgress:
 
 
 def pace(rate: float) -> str:
-    """Return a rate as text: members per second, or per minute if there are few."""
+    """Return a rate [members/s] as text: members per second, or per minute below 10 members/s."""
     return f"{rate:,.0f} members/s" if rate >= 10.0 else f"{60.0 * rate:,.2g} members/min"
 
 
 def duration(seconds: float) -> str:
-    """Return a duration given in s as text, in d, h, min or s."""
+    """Return a duration given in s as text, in the largest unit of d, h, min and s of which it has two."""
     for unit, size in (("d", 86_400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.1f} {unit}"

@@ -12,9 +12,9 @@ import numpy as np
 from .chunks import ChunkError
 from .store import Store
 
-# The rate is that of the tasks written within this time before now, s.
+# Time before now, s: the rate of a study is computed from the tasks that were written within it.
 LATELY = 300.0
-# State of the members of a damaged task; a resumed run computes them again.
+# Name of the status under which members of damaged tasks are counted; a resumed run computes them again.
 DAMAGED = "damaged"
 
 
@@ -22,10 +22,11 @@ class StudyState(NamedTuple):
     """Progress of a study, read from its store.
 
     `done` of `tasks` tasks are finished. `members` is the number of all members, and `statuses` the number of
-    computed members by status. `rate` is the number of members per second in the last `LATELY` seconds, NaN
-    without two tasks in this time. `left` is the remaining time at this rate, s. `last` is the time of the
-    last result (Unix time, s), NaN without results. `damage` describes a damaged finished task, "" for none;
-    only the status and the seal of a task are read for this, of its other files the existence is checked.
+    computed members by the name of their status; members of damaged tasks have the status `DAMAGED`. `rate`
+    is the number of members per second in the last `LATELY` seconds, NaN without two tasks in this time.
+    `left` is the remaining time at this rate, s. `last` is the time of the last result (Unix time, s), NaN
+    without results. `damage` describes the first damaged task and its repair, "" for none: only the status
+    and the seal of a task are read for this, of its other files the existence is checked.
     """
 
     title: str
@@ -90,7 +91,8 @@ def study_state(path: str | os.PathLike[str]) -> StudyState:
 def stop_study(path: str | os.PathLike[str]) -> None:
     """Ask all processes that run a study, on any machine that sees its store, to stop.
 
-    They stop within about a second. Finished tasks are kept; running the same study again resumes it.
+    They stop within about a second and lose their unfinished tasks. Finished tasks are kept; running the same
+    study again resumes it.
 
     Raises:
         StudyError: the folder is not a store of a study.

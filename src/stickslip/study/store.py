@@ -47,8 +47,8 @@ from .sealing import SEAL, checks_of, file_hash, key_of, store_seal, task_seal
 if TYPE_CHECKING:
     import xarray as xr
 
-FORMAT = 2  # version of the store's format, written to the manifest
-# Age of a partial chunk file after which its writer is taken to be dead, s.
+FORMAT = 2  # version of the store's format, written to the manifest; stores of other versions are not read
+# Age of a partial chunk file after which it is removed, because the process that wrote it must be dead, s.
 ABANDONED = 86_400.0
 # Name of a file in the store; all runs of the study stop when it is created or its time changes.
 STOP = ".stop"
@@ -59,9 +59,9 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors of the operating syst
 class Store:
     """An opened store of a study; opening reads and checks its manifest.
 
-    `about` has the attributes of the Zarr group, `title` and `description` those of the study, `identity` the
-    hash of the description, `layout` the layout of the results, and `files` the hash of each other metadata
-    file by its path in the store.
+    `about` has the attributes of the Zarr group; `title` and `description` are those of the study. `identity`
+    is the hash of the description, `layout` the layout of the results. `files` has the hash of each other
+    file that was written before the first task (metadata and coordinates), by its path in the store.
 
     Raises:
         StudyError: the folder is not a store of a study, or its metadata are damaged.
@@ -106,7 +106,8 @@ class Store:
             raise self._no_store(error) from None
 
     def _no_store(self, error: Exception) -> StudyError:
-        said = f": {error}" if isinstance(error, ValueError) else ""  # only a ValueError's text is for users
+        # Users understand the text of a ValueError; others, such as KeyError, only name a key.
+        said = f": {error}" if isinstance(error, ValueError) else ""
         return StudyError(f"{self.path} is no store of a study, or its zarr.json is damaged{said}")
 
     def _damaged(self, name: str, said: str) -> StudyError:
@@ -153,7 +154,7 @@ class Store:
         return found
 
     def damage(self, number: int) -> str:
-        """Read all chunks of finished task `number`; return a description of its damage, "" if undamaged."""
+        """Read all chunks of the finished task `number`; return its damage as text, "" if undamaged."""
         try:
             for variable in self.layout.variables:
                 self._content(variable, number)
@@ -162,17 +163,17 @@ class Store:
         return ""
 
     def lacks(self, number: int) -> str:
-        """Return a description of a missing file of task `number`, "" if all exist; nothing is read."""
+        """Return "VARIABLE is missing" for the first missing file of a task, "" if all exist."""
         gone = (one.name for one in self.layout.variables if not self._file(one, number).exists())
         return next((f"{name} is missing" for name in gone), "")
 
     def check_known(self) -> None:
-        """Raise StudyError if metadata, varied values or other coordinates are changed or missing."""
+        """Raise StudyError if a listed metadata or coordinate file is changed or missing."""
         for name in self.files:
             self._check_file(name)
 
     def check_results(self) -> None:
-        """Raise StudyError if anything is damaged: readers take a missing chunk for uncomputed results."""
+        """Raise StudyError if a metadata file, a coordinate or a finished task is damaged."""
         self.check_known()
         for number in np.flatnonzero(self.done()).tolist():
             if damage := self.damage(number):
@@ -183,7 +184,7 @@ class Store:
         return f"{self.path}: task {number}: {damage}: run the study again, which computes it anew"
 
     def forget(self, number: int) -> None:
-        """Mark a task as not done by removing its status file; raises StudyError."""
+        """Mark a task as not done by removing its status file; raises StudyError as `_place`."""
         self._written(self.layout.variables[-1], number).unlink(missing_ok=True)
 
     def write(self, number: int, found: xr.Dataset, varied: Mapping[str, NDArray[np.float64]]) -> None:
@@ -195,7 +196,8 @@ class Store:
             varied: values of the random quantities by name, arrays along the dimension "member".
 
         Raises:
-            StudyError: the disk is full, or a link leads out of the store.
+            StudyError: the disk is full, the texts are too large, or a link leads out of the store.
+            OSError: a file cannot be written for another reason.
         """
         try:
             contents = {
@@ -232,7 +234,7 @@ class Store:
             values = varied[variable.name]
         elif variable.name in found:
             values = found[variable.name].transpose("member", ...).values
-        else:  # a user's function gives no results if all members of the task failed
+        else:  # if a user's function fails for all members, there is no result, and fill values are written
             values = np.array(variable.missing)
         parts = [place[dim].stop - place[dim].start for dim in variable.dims]
         shape = (*parts, *(size for _, size in variable.inner))
@@ -245,9 +247,9 @@ class Store:
         return whole
 
     def read(self, number: int, variable: StudyVariable) -> NDArray[Any]:
-        """Return the numbers or texts of one variable in a task, over the variable's dimensions.
+        """Read and check one variable of a task; return an array over the variable's dimensions, unpadded.
 
-        Raises ChunkError if they are damaged.
+        Raises ChunkError if the chunk is damaged, missing or misplaced.
         """
         data, place = self._content(variable, number), self.layout.place(number)
         if variable.dtype == TEXT:
@@ -258,7 +260,7 @@ class Store:
         return whole.reshape(self.layout.chunk(variable))[there]
 
     def copy(self, other: Store, number: int) -> None:
-        """Copy the chunks of a task from another store of the same study.
+        """Copy the chunks of a task from another store of the same study, the status last.
 
         Raises:
             ChunkError: a chunk is damaged.
@@ -270,9 +272,9 @@ class Store:
             write_chunk(self._written(variable, number), data)
 
     def _content(self, variable: StudyVariable, number: int) -> bytes:
-        """Return the content of a chunk, texts still compressed.
+        """Read a chunk and check it against the task's seal; return its content, texts still compressed.
 
-        Raises ChunkError if it is damaged, missing, or not the one that the task's seal lists.
+        Raises ChunkError if the chunk is damaged, missing, or not the one that the seal lists.
         """
         size = None if variable.dtype == TEXT else self.layout.size(variable)
         data = _chunk(variable.name, self.path, self.layout.key(variable, number), size)
@@ -287,7 +289,8 @@ class Store:
     def _sealed(self, number: int, data: bytes | None) -> tuple[dict[str, int], bytes]:
         """Return the checksums that a task's seal lists, by variable, and the task's compressed texts.
 
-        `data` is the chunk of texts, whose header contains the seal; None: it is read. Raises ChunkError.
+        `data` is the chunk of texts, whose gzip header contains the seal; if None, the chunk is read here.
+        Raises ChunkError if the chunk or the seal is damaged, or belongs to another task or study.
         """
         name = self._text.name
         if data is None:
@@ -323,8 +326,8 @@ class Store:
         return found, np.frombuffer(data, "<f8").astype(float).reshape(shape)
 
     def stop(self) -> None:
-        """Ask all processes that run the study, on any machine, to stop, by changing the file `STOP`."""
-        if (self.path / STOP).is_symlink():  # a link could lead out of the store
+        """Ask all processes that run the study, on any machine, to stop, by a new time of the file `STOP`."""
+        if (self.path / STOP).is_symlink():  # writing through a link could change a file outside the store
             (self.path / STOP).unlink()
         (self.path / STOP).touch()
         os.utime(self.path / STOP)
@@ -340,7 +343,7 @@ class Store:
             return 0
 
     def written(self) -> NDArray[np.float64]:
-        """Return the time at which each finished task was written, an array of Unix times, s."""
+        """Return the time at which each finished task was written, by task number: Unix times, s."""
         files = (self._file(self.layout.variables[-1], int(i)) for i in np.flatnonzero(self.done()))
         return np.array([file.stat().st_mtime for file in files])
 
@@ -387,7 +390,7 @@ def has_arrays(path: Path) -> bool:
     """Return True if a folder contains arrays of a store, even if the store's own zarr.json is lost."""
     for file in path.glob("*/zarr.json"):
         with contextlib.suppress(ChunkError):
-            # the metadata of a group name its type; all others are arrays
+            # The metadata of a Zarr group contain this text; those of an array do not.
             if b'"node_type": "group"' not in plain_bytes(path, f"{file.parent.name}/{file.name}"):
                 return True
     return False

@@ -27,9 +27,9 @@ class Done(NamedTuple):
 class Load(NamedTuple):
     """Data given to a worker once, before its first task.
 
-    Fields: `study`, pickled; `files`, path and content of the user's files that it needs; `store`, the
-    path of the store; `version` of the package and `identity` (hash) of the study, which must be the same on
-    the worker; `folders`, the worker's search path for Python modules, empty to keep its own.
+    Fields: `study`, a pickled `Study`; `files`, path and content of the user's files that the study needs;
+    `store`, the path of the store; `version` of the package and `identity` (hash) of the study, which must be
+    the same on the worker; `folders`, the worker's search path for Python modules, empty to keep its own.
     """
 
     study: bytes
@@ -41,12 +41,15 @@ class Load(NamedTuple):
 
 
 def load_of(study: Study, store: Store, folders: Sequence[str] = ()) -> Load:
-    """Return the data for a worker; raises StudyError if the study cannot be sent.
+    """Return the data for a worker, which `received` reads there.
 
     Args:
         study: the study.
         store: store of the study.
         folders: search path of Python modules for workers on this machine; empty for other machines.
+
+    Raises:
+        StudyError: the study cannot be pickled, or contains something that is defined in the main script.
     """
     functions = [study.summary, getattr(study.measure, "function", None)]
     own = [one.path for one in functions if isinstance(one, OwnFunction)]
@@ -64,11 +67,12 @@ def load_of(study: Study, store: Store, folders: Sequence[str] = ()) -> Load:
 
 
 def received(load: Load) -> tuple[Study, Store]:
-    """Return the study and its store on a worker.
+    """Return the study and its store on a worker, after the user's files are imported there.
 
     Raises:
-        StudyError: the worker has another version of the package, or does not see the store.
-        StudyDiffers: the worker has another friction law, function or compiled engine.
+        StudyError: the worker has another version of the package, or does not see the study's store.
+        StudyDiffers: the worker has another friction law, function or compiled engine than the study.
+        RegistryError: a user's file cannot be imported.
     """
     if load.version != __version__:
         raise StudyError(f"the worker has stickslip {__version__}, the study {load.version}")

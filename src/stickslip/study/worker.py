@@ -1,8 +1,8 @@
 """Worker process of this machine: it reads a study, then numbers of tasks, from its standard input.
 
-It answers each number with a line of JSON: `done` with the task's report, or `error` with a text (and `final`
-if no other task can succeed either). The process ends when its input ends, so that no worker remains after
-the study's process was killed.
+It first answers `ready` with its process number, then each task's number with a line of JSON: `done` with the
+task's report, or `error` with a text (and `final` if no other task can succeed either). The process ends when
+its input ends, so that no worker remains after the study's process was killed.
 """
 
 from __future__ import annotations
@@ -20,10 +20,13 @@ from .task import Load, received, run_task
 
 
 def main() -> None:
-    """Read a `Load` from standard input, report ready, then compute each task whose number arrives."""
+    """Read a pickled `Load` from standard input, report ready, then compute each task whose number arrives.
+
+    If the study cannot be computed here, report a final error instead and end.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent process, which ends this one
-    if hasattr(signal, "pthread_sigmask"):  # not available on Windows
-        # The parent has started this process with SIGINT blocked (`sigint_blocked`).
+    if hasattr(signal, "pthread_sigmask"):  # Windows has no such function
+        # The parent has started this process with SIGINT blocked (`sigint_blocked`); now it is ignored.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     # Printed output of a user's function goes to standard error, so that it does not mix with the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
