@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import pkgutil
 import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -86,6 +87,25 @@ def test_every_public_call_is_on_a_page() -> None:
     calls = {name for name, one in everything().items() if inspect.isfunction(one)}
     assert len(calls) > 200
     assert not sorted(name for name in calls if name.split(".")[-1] not in named)
+
+
+def test_every_name_of_the_package_on_a_page_exists() -> None:
+    pages = [*DOCS.rglob("*.md"), DOCS.parent / "README.md"]
+    found = set[str]()
+    for page in pages:
+        code = re.findall(r"```.*?```|`[^`\n]+`", page.read_text(encoding="utf-8"), re.DOTALL)
+        found |= {name for one in code for name in re.findall(r"(?<![\w.])ss\.([a-z]\w*(?:\.\w+)*)", one)}
+    assert len(found) > 100
+    assert not sorted(name for name in found if not _exists(name))
+
+
+def _exists(name: str) -> bool:
+    """Return whether ``stickslip.NAME`` is a module or a member of one."""
+    try:
+        pkgutil.resolve_name(f"stickslip.{name}")
+    except (AttributeError, ImportError):
+        return False
+    return True
 
 
 def test_piezo(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:

@@ -222,16 +222,16 @@ def _followed(of: Joined, drives: Sequence[Drive], times: Array, tolerance: floa
         until = int(np.searchsorted(times, stop, "right" if last else "left"))
         since = constant(0.0)._replace(start=np.array([start]), polynomial=np.array([[0.0, 1.0, 0.0, 0.0]]))
         outcome, _, accepted, rejected = integrate(
-            *(
-                ComposedPlant(of.over(drives, start)),
-                DriveTable(since),
-                load,
-                q,
-                (start, stop),
-                tolerance,
-                careful,
-            ),
-            *(MAX_STEPS, times[filled:until], samples[filled:until]),
+            ComposedPlant(of.over(drives, start)),
+            DriveTable(since),
+            load,
+            q,
+            (start, stop),
+            tolerance,
+            careful,
+            MAX_STEPS,
+            times[filled:until],
+            samples[filled:until],
         )
         steps, filled = steps + accepted + rejected, until
         if outcome != DONE:
