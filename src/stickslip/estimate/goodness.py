@@ -43,21 +43,23 @@ class Goodness(NamedTuple):
 
 
 def pooled_r_squared(parts: Sequence[Goodness]) -> float:
-    """Return (SST - SSE)/SST over all recordings, each about its own mean [kang2007, appendix 6]."""
+    """Return (SST - SSE)/SST of all recordings together, from their `Goodness`, each about its own mean
+    [kang2007, appendix 6]; NaN if the measured values of one are unknown or all are constant."""
     sst = sum(g.sst for g in parts)
     return (sst - sum(g.sse for g in parts)) / sst if sst > 0 else math.nan
 
 
 def pooled_rmse(parts: Sequence[Goodness]) -> float:
-    """Return the root mean square of all residuals, in the unit of the data."""
+    """Return the root mean square of the residuals of all recordings together, from their `Goodness`, in the
+    unit of the data."""
     return math.sqrt(sum(g.sse for g in parts) / sum(g.n_data for g in parts))
 
 
 def goodness(
     residuals: ArrayLike, measured: ArrayLike | None = None, name: str = "", unit: str = ""
 ) -> Goodness:
-    """Return the goodness of fit of residuals (model minus measured), with the measured values for r^2; both
-    have shape (n,)."""
+    """Return the `Goodness` of residuals (model minus measured); both arrays have the shape (n,). Without
+    measured values, r^2 is NaN."""
     r = np.asarray(residuals, dtype=float)
     y = np.full(r.size, math.nan) if measured is None else np.asarray(measured, dtype=float)
     sst = float(np.sum((y - y.mean()) ** 2))

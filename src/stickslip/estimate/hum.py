@@ -9,40 +9,42 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-# Probability that noise alone shows a line in one recording (false alarm).
+# Probability that noise alone produces a line in one recording (false alarm).
 FALSE_ALARM = 1e-3
 # BESIDE: number of spectral lines on each side with which a line is compared (odd). WIDE: number of
-# neighbouring lines that are left out between, because the window spreads a line over them. MOST: largest
-# number of disturbing lines that are searched in a recording.
+# neighbouring lines left out in between, because the window spreads a line over them. MOST: largest number of
+# lines reported for a recording.
 BESIDE, WIDE, MOST = 9, 3, 4
-# Distance from a harmonic of the drive, in lines, within which a line may be model error.
+# Distance from a harmonic of the drive, in spectral lines, within which a line may be model error.
 NEAR = 2.0
-# Ratio of the median to the mean of squares of Gaussian noise.
+# Ratio of the median to the mean of the power of Gaussian noise at a spectral line.
 OF_MEDIAN = math.log(2.0)
 
 Array = NDArray[np.float64]
 
 
 class HumLine(NamedTuple):
-    """A sinusoidal disturbance: frequency in cycles per sample, and amplitude in the unit of the
+    """A sinusoidal disturbance: `frequency` in cycles per sample, and `amplitude` in the unit of the
     residuals."""
 
     frequency: float
     amplitude: float
 
     def shape(self, count: int) -> Array:
-        """Return cosine and sine at its frequency for `count` samples, shape (count, 2)."""
+        """Return cosine and sine at the line's frequency for the samples 0 to `count` - 1, shape (count,
+        2)."""
         return self.shape_at(np.arange(count, dtype=float))
 
     def shape_at(self, times: Array) -> Array:
-        """Return cosine and sine at its frequency for times [n], shape (n, 2). The times are in samples, or
-        in s if the frequency is in Hz."""
+        """Return cosine and sine at the line's frequency for times [n], shape (n, 2). The times are in
+        samples, or in s if the frequency is in Hz."""
         angle = 2.0 * np.pi * self.frequency * times
         return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def lines(residuals: Array, period: float = 0.0, at_rest: int = 0) -> list[HumLine]:
-    """Return the spectral lines that exceed the neighbouring noise.
+    """Return the spectral lines that exceed the neighbouring noise: up to `MOST` sinusoids (`HumLine`), the
+    most significant first.
 
     Args:
         residuals: residuals of one recording, at equal intervals, [n].
@@ -69,8 +71,9 @@ def _strongest(r: Array, period: float, at_rest: int) -> HumLine | None:
         return None
     usual = _usual(power)[number]
     ratio = power[number] / np.where(usual > 0.0, usual, np.inf)
-    # F test: the 2 BESIDE neighbours have 2 degrees of freedom each. A quarter of these count, because the
-    # window correlates neighbours, and a median scatters like a mean of half as many values.
+    # F test of a line's power against the power of the neighbouring noise. Each of the 2 BESIDE neighbours
+    # has 2 degrees of freedom. A quarter of these count, because the window correlates neighbours, and a
+    # median scatters like a mean of half as many values.
     chance = np.asarray(scipy.special.fdtrc(2, BESIDE, ratio)) * number.size
     synchronous = np.zeros(number.size, dtype=bool)
     if period > 0.0:
@@ -87,16 +90,16 @@ def _strongest(r: Array, period: float, at_rest: int) -> HumLine | None:
 
 
 def _usual(power: Array) -> Array:
-    """Return the mean power of the noise next to each spectral line, from the medians on both sides. The
-    geometric mean of the two medians follows a sloping spectrum."""
+    """Return the mean power of the noise next to each spectral line, in the shape and unit of `power`: the
+    geometric mean, which follows a sloping spectrum, of the medians on both sides."""
     medians = scipy.ndimage.median_filter(np.log(np.maximum(power, 1e-300)), BESIDE, mode="nearest")
     shift = WIDE + BESIDE // 2
     return np.asarray(np.exp(0.5 * (np.roll(medians, shift) + np.roll(medians, -shift))) / OF_MEDIAN)
 
 
 def _refined(r: Array, number: int) -> HumLine:
-    """Return the sinusoid that explains most of the residuals r [n], with a frequency within one cycle per
-    recording of `number` cycles per recording."""
+    """Return the sinusoid (`HumLine`) that explains most of the residuals r [n], with a frequency within one
+    cycle per recording of `number` cycles per recording."""
 
     def left(cycles: float) -> tuple[float, Array]:
         basis = HumLine(cycles / r.size, 0.0).shape(r.size)
@@ -111,8 +114,8 @@ def _refined(r: Array, number: int) -> HumLine:
 
 
 def _shown(rest: Array, line: HumLine) -> bool:
-    """Return True if the samples at rest contain the line with at least half of its amplitude, significantly.
-    False also if they are shorter than two cycles."""
+    """Return True if the samples `rest` [n] before the motion contain a sinusoid of the line's frequency with
+    over half of its amplitude and over five standard errors; False if they are shorter than two cycles."""
     if rest.size * line.frequency < 2.0:
         return False
     basis = np.column_stack([line.shape(rest.size), np.ones(rest.size)])

@@ -14,16 +14,17 @@ if TYPE_CHECKING:
     from .parameter import Parameter
     from .result import Fit
 
-# Widest 95 % interval for which a linearised model is sufficient: ratio of its ends for a parameter on a
-# logarithmic scale, share of the search range for a parameter on a linear scale.
+# Widest 95 % interval for which a linearised model is sufficient: LOOSE_RATIO is the ratio of its ends for a
+# parameter on a logarithmic scale, LOOSE_SHARE its width as a share of the search range for a parameter on a
+# linear scale.
 LOOSE_RATIO, LOOSE_SHARE = 3.0, 0.2
 
 
 def loosest(fit: Fit, apart: Collection[str]) -> str | None:
-    """Return the name of the one parameter that the data hardly determine, or None.
+    """Return the name of the only parameter that the data hardly determine, or None.
 
-    Parameters in `apart` do not count. The result is also None if several are undetermined, if there is no
-    other parameter, or if the undetermined one has a prior.
+    Parameters with a name in `apart` do not count. The result is also None if several are undetermined, if
+    there is no other parameter, or if the undetermined one has a prior.
     """
     among = [p.name for p in fit.parameters if p.name not in apart]
     known = {p.name for p in fit.parameters if p.prior is not None}
@@ -34,9 +35,9 @@ def loosest(fit: Fit, apart: Collection[str]) -> str | None:
 
 
 def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
-    """Return the names of parameters whose 95 % interval is wide. On a logarithmic scale its ends have a
-    ratio of at least `ratio`; on a linear scale it covers more than `share` of the search range. An interval
-    is also wide if it is infinite, or extends to zero as the least possible value."""
+    """Return the names of parameters whose 95 % interval is wide: the ratio of its ends is at least `ratio`
+    (logarithmic scale), or its width exceeds `share` times the search range (linear scale). An interval is
+    also wide if it is infinite, or begins at a least possible value of zero."""
     found, intervals = [], fit.confidence_intervals()
     for p in fit.parameters:
         low, high = intervals[p.name]
@@ -48,8 +49,12 @@ def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
 
 
 def _between(p: Parameter, low: float, high: float) -> str:
-    """Return the interval from `low` to `high` of the parameter p in words, with units. For a parameter with
-    limits of a law, an interval that extends to infinity or zero has one end: "above" or "below"."""
+    """Return the interval from `low` to `high` (SI) of the parameter p as words that follow "any value", with
+    units.
+
+    For a parameter with limits of a law, an interval that ends at infinity becomes "above ...", one that
+    begins at zero "below ...", and one over all limits "that it may have".
+    """
     if p.limits is not None and low <= p.least and high >= p.most:
         return "that it may have"
     if p.limits is not None and high == np.inf:
@@ -60,9 +65,11 @@ def _between(p: Parameter, low: float, high: float) -> str:
 
 
 def undetermined(fit: Fit) -> tuple[str, ...]:
-    """Return a sentence for each parameter, and each group of parameters, that the data do not determine.
+    """Return a sentence for each parameter that the data do not determine or that ended at a bound, and for
+    each group of parameters with nearly the same effect. The tuple is empty if all are determined.
 
-    It uses the linearised 95 % intervals and correlations; the tuple is empty if all are determined.
+    The sentences follow from the linearised 95 % intervals and correlations, with the thresholds in
+    `fit.judgement`.
     """
     sentences, named = [], _wider(fit, fit.judgement.wide_ratio, fit.judgement.wide_share)
     intervals = fit.confidence_intervals()

@@ -20,21 +20,25 @@ from typing import NamedTuple
 from .parameter import Parameter
 from .result import Fit
 
-# Standard deviations beyond which recordings and prior disagree.
+# Number of standard deviations beyond which recordings and prior disagree (95 % of correct priors are
+# within).
 DISAGREES = 1.96
 
 
 class PriorInfluence(NamedTuple):
-    """Influence of a prior on one parameter.
+    """Effect of a prior on the estimate of one parameter.
 
     Attributes:
-        prior: value and standard deviation, in SI.
+        parameter: the parameter.
+        prior: value and standard deviation of the prior, in SI.
         alone: estimate by the recordings alone, in SI.
         together: estimate with the prior, in SI.
-        moved: change of the estimate, in standard deviations of `alone`.
-        off: disagreement, see the module.
-        narrowed: width of the interval, divided by the width without the prior.
-        open: True if the recordings alone determine the parameter less well than the prior.
+        moved: change of the estimate, in standard deviations of the estimate without the prior.
+        off: distance between the estimate without the prior and the prior, in standard deviations of both
+            together.
+        narrowed: width of the interval with the prior, divided by the width without it.
+        open: True if the recordings alone determine the parameter less well than the prior, so that a wrong
+            prior is not noticed.
     """
 
     parameter: Parameter
@@ -48,12 +52,13 @@ class PriorInfluence(NamedTuple):
 
     @property
     def disagrees(self) -> bool:
-        """Return True if recordings and prior disagree."""
+        """Return True if recordings and prior disagree: `off` is beyond ±1.96."""
         return abs(self.off) > DISAGREES
 
     @property
     def sentence(self) -> str:
-        """Return a sentence on the effect of the prior, and on a contradiction."""
+        """Return a sentence on the effect of the prior, or on its disagreement with the recordings and what
+        to do."""
         p, digits = self.parameter, 3
         expected = p.shown(self.prior[0], digits)
         if self.disagrees:
@@ -75,7 +80,7 @@ class PriorInfluence(NamedTuple):
 
 
 def prior_influence(alone: Fit, together: Fit) -> tuple[PriorInfluence, ...]:
-    """Return the effect of the priors of a fit on each parameter with a prior.
+    """Return the effect of the prior on each parameter that has one, in the order of the parameters.
 
     Args:
         alone: fit of the same recordings without priors.
@@ -106,7 +111,7 @@ def prior_influence(alone: Fit, together: Fit) -> tuple[PriorInfluence, ...]:
 
 
 def _deviation(p: Parameter, ends: tuple[float, float]) -> float:
-    """Return the standard deviation of a parameter's coordinate from the ends of its 95 % interval (SI);
-    infinite if the interval is infinite."""
+    """Return the standard deviation of the parameter p in its coordinate q, from the lower and upper end of
+    its 95 % interval (SI); infinite if the interval is infinite or empty."""
     width = p.coordinate(ends[1]) - p.coordinate(ends[0])
     return width / (2.0 * DISAGREES) if math.isfinite(width) and width > 0.0 else math.inf

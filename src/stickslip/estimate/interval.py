@@ -10,12 +10,17 @@ from .parameter import Parameter
 
 
 def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
-    """Return lower and upper end of the interval of parameter p (number i) about a minimum, in its unit: t
-    standard errors of the coordinate, from `uncertain`, on either side of the estimate `value`.
+    """Return lower and upper end of the interval of a parameter about a minimum, in the parameter's unit.
 
-    The parameter's limits cut the interval; the ends of the search range do not. If the estimate is closer to
-    zero than the shift of its logarithm, the interval is symmetric, because the logarithm is then not
-    meaningful.
+    The parameter's limits cut the interval; the ends of the search range do not. With a `shift`, the interval
+    is symmetric about the value if it reaches zero, and about the logarithm of the value otherwise.
+
+    Args:
+        p: the parameter.
+        i: index of the parameter in `uncertain`.
+        value: estimate of the parameter at the minimum.
+        uncertain: uncertainty of all coordinates at the minimum.
+        t: half width of the interval in standard errors.
     """
     spread, bounded, push, released, centre = uncertain
     slope = p.slope(value)
@@ -35,7 +40,7 @@ def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: floa
     low, high = max(p.value(q - below), p.least), min(p.value(q + above), p.most)
     if p.limits is not None:
         # The data do not bound the parameter on a side where the linearised interval is too wide, or where
-        # the estimate is at the end of the search range. The interval then extends to the limit.
+        # the estimate is at the end of the search range. The interval then extends to the limit of the law.
         wide = high >= DEFAULT.wide_ratio * low if p.log else high - low >= p.upper - p.lower
         low = p.least if bounded[i] < 0 or (wide and low < p.lower) else low
         high = p.most if bounded[i] > 0 or (wide and high > p.upper) else high

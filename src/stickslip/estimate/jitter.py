@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 # slow samples in the running median that gives the level of the residuals. FAR: deviations are cut at this
 # number of standard deviations of the noise (plus the largest jitter), so that spikes and jumps do not count.
 QUIET, BESIDE, FAR = 1.4, 5, 30.0
-# Smallest gain of twice the log-likelihood by scatter in proportion to the speed: 5 standard errors of one
-# number, doubled because neighbours share samples.
+# Smallest gain of twice the log-likelihood for which scatter in proportion to the speed is accepted: 25 (5
+# standard errors of one number), doubled because neighbouring deviations share samples.
 GAINED = 50.0
 # The scatter is not jitter if timing errors of neighbouring samples, or of successive periods, have a
 # correlation above COMMON, or above ERRORS standard errors of the correlation if that is larger.
@@ -38,9 +38,10 @@ class Scatter(NamedTuple):
 
     Attributes:
         delay: standard deviation of the timing error of single samples, in sampling intervals; 0: none.
-        widening: standard deviation of the residuals relative to rest, [n].
-        independent: True if timing errors of neighbouring samples and of other periods are independent: then
-            it is clock jitter.
+        widening: factor by which the timing error increases the standard deviation of each residual, [n]; 1
+            at rest.
+        independent: True if the timing errors of neighbouring samples and of successive periods are
+            independent; the scatter is then clock jitter.
     """
 
     delay: float
@@ -48,7 +49,8 @@ class Scatter(NamedTuple):
     independent: bool
 
     def narrowed(self, residuals: Array) -> Array:
-        """Return the residuals [n] scaled to uniform scatter about the level of their neighbours."""
+        """Return the residuals [n], in their unit, with their deviations from the level of slow neighbours
+        divided by `widening`, so that the scatter is uniform; unchanged without jitter."""
         if self.delay == 0.0:
             return residuals
         level = _level(residuals, self.widening < QUIET)
@@ -63,13 +65,12 @@ def calm(count: int) -> Scatter:
 def jitter_of(
     residuals: Sequence[Array], measured: Sequence[Array], times: Sequence[Array], periods: Sequence[float]
 ) -> tuple[Scatter, ...]:
-    """Return the scatter of each recording with the speed if it is clock jitter, otherwise a `Scatter`
-    without jitter.
+    """Return a `Scatter` for each recording; one without jitter where the residuals do not show clock jitter.
 
     Args:
         residuals: model minus measured of each recording, [n].
         measured: measured values of each recording, [n].
-        times: times of each recording, s, [n]; empty if unknown, and then no jitter is searched.
+        times: times of each recording, s, [n]; without them, a recording is not searched for jitter.
         periods: samples in a period of each recording's drive; 0: not periodic.
     """
     found = [calm(r.size) for r in residuals]
@@ -81,7 +82,8 @@ def jitter_of(
 
 
 def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
-    """Return the scatter of residuals as a function of the speed.
+    """Return the scatter of residuals as a function of the speed, as a `Scatter`; one without jitter if the
+    recording is too short or the scatter does not increase with the speed.
 
     Args:
         residuals: residuals of one recording, at equal intervals, [n].
@@ -91,14 +93,15 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
     speed, none = np.abs(change), calm(residuals.size)
     if residuals.size < 4 * FEWEST or not speed.max() > 0.0:
         return none
-    # About the mean of both neighbours, noise of any spectrum scatters evenly.
+    # The deviation from the mean of both neighbours scatters evenly for noise of any spectrum, and contains
+    # no slow drift.
     off = residuals[1:-1] - 0.5 * (residuals[:-2] + residuals[2:])
     square = speed**2
     square = square[1:-1] + 0.25 * (square[:-2] + square[2:])
     noise = 1.4826 * float(np.median(np.abs(off)))
     if noise <= 0.0:
         return none
-    # Spikes and jumps are not scatter.
+    # Limit the deviations, because spikes and jumps are not scatter.
     off = np.minimum(np.abs(off), FAR * noise + MOST * np.sqrt(square))
 
     def likely(log: float) -> float:
@@ -113,7 +116,8 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
     over = 1.0 + ratio**2 * square
     alike, here = float(np.mean(off**2)), float(np.mean(off**2 / over))
     gained = np.sort(off**2 / alike - off**2 / (here * over) + np.log(alike / (here * over)))
-    if float(np.sum(gained[: -FEWEST // 2])) < GAINED:  # a jump affects two samples, scatter many
+    # Without the largest contributions: a jump gains at two samples only, jitter at many.
+    if float(np.sum(gained[: -FEWEST // 2])) < GAINED:
         return none
     level = math.sqrt(here / 1.5)
     delay = ratio * level * math.sqrt(1.5)
@@ -123,8 +127,8 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
 
 
 def _level(r: Array, slow: NDArray[np.bool_]) -> Array:
-    """Return the level of the residuals r [n]: a running median of the samples that `slow` [n] marks,
-    interpolated between them; zeros if there are too few."""
+    """Return the level of the residuals r [n], in their unit: a running median of the samples that `slow` [n]
+    marks, interpolated for the others; zeros with fewer than `BESIDE` such samples."""
     if np.count_nonzero(slow) < BESIDE:
         return np.zeros(r.size)
     at = np.flatnonzero(slow)

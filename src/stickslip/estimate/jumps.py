@@ -26,20 +26,22 @@ from .coloured import filter_and_walk, spectrum_of_differences
 from .drift import sine_powers
 from .outliers import TO_DEVIATION
 
-# Smallest size of a jump or burst, in standard errors. White noise reaches 5 in 1e5 samples, 1/f noise 7.5 in
-# 1800.
+# Smallest significant size of a jump or burst, in standard errors. The largest of 1e5 samples of white noise
+# reaches 5, of 1800 samples of 1/f noise 7.5.
 SURE = 8.0
 # Largest number of events in one recording; more are noise or model error.
 MOST = 6
-# Numbers of samples in a burst that are tried; a longer burst is two jumps.
+# Numbers of samples of the bursts that are searched for; a longer burst is found as two jumps.
 WIDTHS = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)
-LONGEST_PART = 10  # bursts longer than the recording divided by this are not tried
-# Smallest share of the information on a jump that is independent of the parameters; with less, both cannot be
-# distinguished.
+# Bursts longer than the recording's number of samples divided by this number are not searched for.
+LONGEST_PART = 10
+# Smallest share of the information on a jump that is independent of the parameters; with less, a jump cannot
+# be distinguished from a change of the parameters.
 LEAST_LEFT = 1e-3
-# Fewest samples for a search; and largest number: a longer recording is averaged over neighbours.
+# FEWEST: fewest samples of a recording that is searched. LONGEST: largest number of samples; a longer
+# recording is averaged over neighbours.
 FEWEST, LONGEST = 32, 10_000
-FIRST_BAND = 8  # number of lines in the lowest octave of the spectrum
+FIRST_BAND = 8  # number of spectral lines in the lowest octave of the noise's spectrum
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -47,7 +49,8 @@ Places = NDArray[np.intp]
 
 class Event(NamedTuple):
     """A jump or burst: the residuals from sample `first` to before sample `last` are shifted by `size`, in
-    their unit; a jump lasts to the end. `score` is the size divided by its standard error."""
+    their unit; a jump lasts to the end of the recording. `score` is the size divided by its standard error,
+    with the sign of the size."""
 
     first: int
     last: int
@@ -61,19 +64,24 @@ class Event(NamedTuple):
 
     @property
     def certainty(self) -> float:
-        """Return the score divided by the smallest significant score."""
+        """Return the magnitude of the score divided by the smallest significant score, so at least 1 for a
+        significant event."""
         return abs(self.score) / SURE
 
 
 def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 0.0) -> list[Event]:
-    """Return jumps and bursts in residuals; an empty list if there are too many to be single events.
+    """Return jumps and bursts in residuals, as `Event` in the order of their first samples; an empty list if
+    there are too many to be single events.
+
+    A recording of over `LONGEST` samples is averaged over neighbours, so its events begin and end at whole
+    groups of samples.
 
     Args:
         residuals: residuals of one recording, at equal intervals, [n].
         columns: derivatives of the residuals by the parameters, and time courses of other known faults, [n,
             k].
-        floor: smallest standard deviation of white noise, in their unit.
-        least: size below which an event does not matter, in their unit.
+        floor: smallest standard deviation of white noise, in the unit of the residuals.
+        least: smallest size of an event that is returned, in the unit of the residuals.
     """
     r = np.asarray(residuals, dtype=float)
     if r.size < FEWEST or not np.ptp(r) > 0.0:
@@ -88,8 +96,8 @@ def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 
     if white <= 0.0:
         return []
     angles = np.pi * np.arange(1, r.size) / r.size
-    # First white noise, from differences of neighbours, so that the estimate of the noise does not include a
-    # jump.
+    # The noise is first taken as white, with the deviation that the differences of neighbours show, because
+    # an estimate of the full spectrum would include the jumps.
     look = (2.0 - 2.0 * np.cos(angles)) * white**2
     found: list[Event] = []
     while len(found) < MOST:
@@ -121,17 +129,17 @@ def _means(rows: Array, many: int) -> Array:
 def _confirmed(
     r: Array, columns: Array, found: list[Event], noise: Array, floor: float
 ) -> tuple[list[Event], Array]:
-    """Return the events that make the residuals more likely than any noise without them, and the noise's
-    spectrum.
+    """Return the events that make the residuals significantly more likely than any noise without them, and
+    the spectrum [n - 1] of the differences of the noise.
 
-    The noise is estimated again without an event, because a small jump resembles a random walk.
+    The noise is estimated again without each event, because a small jump resembles a random walk.
 
     Args:
         r: residuals, [n].
         columns: derivatives by the parameters and time courses of other faults, [n, k].
         found: events that may be noise.
-        noise: first estimate of the spectrum of the noise's differences, [n - 1].
-        floor: smallest standard deviation of white noise.
+        noise: first estimate of the spectrum, [n - 1].
+        floor: smallest standard deviation of white noise, in the unit of the residuals.
     """
     while True:
         noise, likely = _spectrum(_Whitened(r, columns, found, noise).left(), floor)
@@ -151,14 +159,17 @@ def _confirmed(
 
 
 def _spectrum(left: Array, floor: float) -> tuple[Array, float]:
-    """Return the spectrum [n - 1] of the differences of the residuals `left` [n], which are noise, and minus
-    twice its log-likelihood plus the penalty for its parameters [schwarz1978]. `floor` is the smallest
-    standard deviation of white noise."""
+    """Return the spectrum [n - 1] of the differences of residuals `left` [n] that are only noise, and
+    Schwarz's criterion of this spectrum (minus twice its log-likelihood plus a penalty for its parameters)
+    [schwarz1978].
+
+    `floor` is the smallest standard deviation of white noise, in the unit of the residuals.
+    """
     angles, powers = sine_powers(left)
     filter, variance, walk = filter_and_walk([left])
     white = (2.0 - 2.0 * np.cos(angles)) * floor**2
     found = np.maximum(spectrum_of_differences(angles, filter, variance, walk), white)
-    # 1/f noise is neither white nor a random walk: each octave gets its own power.
+    # 1/f noise is neither white nor a random walk, so the power is estimated for each octave separately.
     ends = [FIRST_BAND * 2**i for i in range(64) if FIRST_BAND * 2 ** (i + 1) < powers.size]
     for band in np.split(np.arange(powers.size), ends):
         found[band] *= max(float(np.mean(powers[band] / found[band])), 1.0)
@@ -168,8 +179,9 @@ def _spectrum(left: Array, floor: float) -> tuple[Array, float]:
 
 
 class _Whitened:
-    """Differences of residuals in a sine basis, divided by the root of their spectrum, without the part that
-    columns and known events describe."""
+    """Differences of residuals in a sine basis, divided by the root of their spectrum (so that noise is
+    white), without the part that columns and known events describe. Methods estimate the sizes of further
+    events in them."""
 
     def __init__(self, r: Array, columns: Array, found: Sequence[Event], spectrum: Array) -> None:
         shapes = [e.shape(r.size)[:, None] for e in found]
@@ -187,19 +199,22 @@ class _Whitened:
         self.lags = np.fft.irfft(half, 2 * r.size)
 
     def left(self) -> Array:
-        """Return the residuals without the columns and the events, [n]."""
+        """Return the residuals [n], in their unit, without the part that the columns and the known events
+        describe."""
         coefficients = np.linalg.lstsq(self.sines, self.data, rcond=1e-9)[0]
         return np.asarray(self.r - self.columns @ coefficients)
 
     def _information(self, k: Places, m: Places) -> Array:
-        """Return the product, in the noise's metric, of impulses before the samples k and before m."""
+        """Return the product, weighted by the noise, of an impulse before sample k with one before sample m,
+        for each pair of the arrays k and m, both without the part that columns and known events describe."""
         by = self.of_columns
         own = self.lags[np.abs(k - m)] - self.lags[k + m]
         return own - np.einsum("kc,kc->k", by[k - 1], by[m - 1])
 
     def _made(self, k: Places, width: int | None) -> tuple[Array, Array]:
-        """Return sizes and scores of jumps before the samples k; with a `width`, of bursts that start
-        there."""
+        """Return the sizes, in the unit of the residuals, and the scores of jumps before each of the samples
+        k; with a `width` (in samples), of bursts that start there. Both are 0 where the columns could
+        describe the event."""
         numerator, information = self.numerator[k - 1], self._information(k, k)
         whole = self.lags[0] - self.lags[2 * k]
         if width is not None:
@@ -213,13 +228,14 @@ class _Whitened:
         return numerator / information, numerator / np.sqrt(information)
 
     def at(self, one: Event) -> Event:
-        """Return the event with its size and score for this noise."""
+        """Return the event with its size and score computed again for this noise."""
         n = self.r.size
         size, score = self._made(np.array([one.first]), None if one.last == n else one.last - one.first)
         return Event(one.first, one.last, float(size[0]), float(score[0]))
 
     def strongest(self, widths: Sequence[int]) -> Event:
-        """Return the event with the greatest score."""
+        """Return the jump or burst with the greatest magnitude of the score; bursts of the given numbers of
+        samples (`widths`) are tried."""
         n, best = self.r.size, Event(1, self.r.size, 0.0, 0.0)
         for width in (None, *widths):
             k = np.arange(1, n - (width or 0))

@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from .drift import drift
 from .judgement import DEFAULT, Judgement
 
-# Share of samples off the usual converter level above which the noise at rest shows its full variance.
+# Share of samples off the usual converter level at which the noise at rest shows its full variance.
 MOST_HIDDEN = 0.3
 # Fewest samples at rest; differences are taken over up to an eighth of them.
 FEWEST_AT_REST = 40
 FEWEST_PERIODS = 3
-# Number of spectral lines in a running mean, and number of bands that are tested.
+# SMOOTHED: spectral lines in a running mean. BANDS: number of bands of lines that are tested.
 SMOOTHED, BANDS = 5, 4
 # Largest ratio of a part's power to the usual power at which the part still counts as rest.
 MOST_POWER = 2.0
@@ -74,7 +74,7 @@ class Lack(NamedTuple):
         ratio: rms residual divided by the noise, including the drift that the rest shows; if a comparison of
             a part (see the module) shows a lack, the largest of these ratios. NaN if the noise is not known.
         chance: probability that a correct model has such a residual, multiplied by the number of tests; the
-            smallest of the tests that show a lack.
+            smallest of the tests that show a lack; 1 if the noise is not known.
         against: noise with which the residual is compared, in words.
         judgement: thresholds of the tests.
     """
@@ -87,12 +87,12 @@ class Lack(NamedTuple):
 
     @property
     def seen(self) -> bool:
-        """Return True if the model does not explain the recording."""
+        """Return True if the test shows a lack of fit: by its probability and by the ratio to the noise."""
         return self.chance < self.judgement.false_alarm and self.ratio >= self.judgement.lack_ratio
 
     @property
     def statement(self) -> str:
-        """Return a sentence on the lack of fit; an empty text if none is seen."""
+        """Return a sentence on the lack of fit; "" if the test shows none."""
         if not self.seen:
             return ""
         return (
@@ -101,7 +101,8 @@ class Lack(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Return the sentence on the lack of fit for the report of a fit."""
+        """Return the statement with its consequence for the intervals of a fit; "" if the test shows no lack
+        of fit."""
         return f"{self.statement}; its intervals are not to be trusted" if self.seen else ""
 
 
@@ -114,13 +115,13 @@ class _Compared(NamedTuple):
 def lack_of_fit(
     residuals: Array, known: KnownNoise, name: str, n_fitted: float = 0.0, judgement: Judgement = DEFAULT
 ) -> Lack:
-    """Compare the residuals [n] of one recording with its noise.
+    """Compare the residuals [n] of one recording with its noise, and return the result as a `Lack`.
 
     Args:
         residuals: model minus measured, at equal intervals, in the unit of the data.
         known: noise of the recording.
         name: name of the recording.
-        n_fitted: number of parameters fitted to it.
+        n_fitted: number of parameters fitted to the recording; 0 for a prediction.
         judgement: thresholds of the tests.
     """
     r = np.asarray(residuals, dtype=float)
@@ -170,11 +171,11 @@ def _straightened(r: Array, at_rest: int) -> Array:
 
 
 def independent(rows: Array) -> float:
-    r"""Return the number of independent samples that determine a variance as well as one row of
+    r"""Return the number of independent samples that determine a variance as well as one of the rows of
     autocorrelated samples [rows, n].
 
-    It is :math:`2 (\sum P)^2 / \sum P^2` for the common spectrum P, corrected for the scatter of P itself,
-    which makes the denominator too large by 1 + 1/rows.
+    The number is :math:`2 (\sum P)^2 / \sum P^2` for the common spectrum P, corrected for the scatter of P,
+    which makes the denominator too large by the factor 1 + 1/rows.
     """
     power = np.mean(np.abs(np.fft.rfft(rows - rows.mean(axis=1, keepdims=True))[:, 1:]) ** 2, axis=0)
     square = float(power @ power)
@@ -184,8 +185,8 @@ def independent(rows: Array) -> float:
 
 
 def independent_samples(r: Array, memory: int = 1) -> float:
-    """Return the number of independent samples with the same information on a variance as one autocorrelated
-    series [n]. `memory` is its expected correlation length in samples."""
+    """Return the number of independent samples that determine a variance as well as the autocorrelated series
+    r [n], of which `memory` is the expected correlation length in samples."""
     size = min(r.size, max(8 * memory, r.size // 8, 16))
     count = r.size // size
     return r.size / size * independent(r[: count * size].reshape(count, size))
@@ -203,8 +204,8 @@ def _by_given(r: Array, known: KnownNoise, n_fitted: float) -> _Compared | None:
 
 
 def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
-    # Without rest, a slope of the sensor looks like wrong steps: a fit is then not tested for drift, but a
-    # prediction is.
+    # Without rest, a drift of the sensor looks like wrong steps. A fit is then not tested, but a prediction
+    # is.
     if fitted and known.at_rest < FEWEST_AT_REST:
         return None
     n = known.at_rest if known.at_rest >= FEWEST_AT_REST else 0
@@ -220,7 +221,7 @@ def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
     if shown:
         chances, far, likely = drift(quiet, 0.5 * n + np.arange(moved.size, dtype=float), known.drift)
     square, count = float(np.mean(moved**2)), independent_samples(every)
-    # A drift counts as one sample, however long it is: few samples are independent if it dominates the noise.
+    # A drift has one degree of freedom at any length: few samples are independent if it dominates the noise.
     freedom = (noise + far) ** 2 / (noise**2 * every.size / (count * moved.size) + far**2)
     chance = float(chances @ scipy.special.fdtrc(freedom, count, square / (noise + far)))
     return _Compared(
@@ -229,11 +230,9 @@ def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
 
 
 def _quiet(r: Array, known: KnownNoise) -> list[Array]:
-    """Return the parts of the residuals that show only noise and drift: rest before and after the motion.
-
-    Without rest before, these are the changes from period to period. Parts that are far noisier than the
-    others are left out, because something moves there.
-    """
+    """Return the parts of the residuals that show only noise and drift, as arrays: rest before and after the
+    motion or, without rest before, the changes from period to period. Parts that are far noisier than the
+    others are left out, because something moves there."""
     n = known.at_rest
     if n >= FEWEST_AT_REST:
         found = [part for part in (r[:n], r[r.size - known.rest_again :]) if part.size >= FEWEST_AT_REST]
@@ -270,10 +269,10 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
 
 
 def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
-    """Test the largest change of the level between slips; None if it cannot be tested.
+    """Test the largest change of the level between slips; None if the test is impossible.
 
-    A wrong slip that the next ones correct is hidden in drift for the rms test, and too rare for the test of
-    differences.
+    The rms test takes a wrong slip that the next ones correct for drift, and for the test of differences such
+    a slip is too rare.
     """
     n = known.at_rest
     noise = _in_motion(float(np.var(r[:n])), known.step, n) if n >= FEWEST_AT_REST else 0.0
@@ -288,14 +287,17 @@ def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
 
 
 def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
-    """Return the probability that the mean level of m samples changes as much within 2 m samples at rest as
-    it does in motion. It is estimated from n samples at rest, or from white noise of this variance if that is
-    larger."""
+    """Return the probability that noise changes the mean of m samples, over a gap of 2 m samples, as much as
+    the largest such change in the motion after sample n.
+
+    The variance of these changes is estimated from the n samples at rest, but is at least that of white noise
+    with the variance `noise`.
+    """
     level = np.convolve(r, np.full(m, 1.0 / m), mode="valid")
     change = (level[3 * m :] - level[: -3 * m]) ** 2
     quiet, moving = change[: n - 4 * m + 1], change[n - 2 * m :]
     usual = max(float(quiet.mean()), 2.0 * noise / m)
-    # Changes less than 1.5 m apart are not independent.
+    # Changes that begin less than 1.5 m samples apart are not independent.
     count = max((n - 3 * m) / (1.5 * m), 1.0)
     return float(scipy.special.fdtrc(1.0, count, float(moving.max()) / usual)) * 1.5 * moving.size / m
 
@@ -306,18 +308,18 @@ def _lengths(least: int, most: int, count: int = 3) -> list[int]:
 
 
 def _independent_differences(r: Array, lag: int) -> float:
-    """Return `independent_samples` of the differences over a lag, but at most the number for white noise.
-    Each sample is in two differences, and a short spectrum shows this only roughly."""
+    """Return the `independent_samples` of the differences over `lag` samples, at most the number for white
+    noise: each sample is in two differences, which a short spectrum shows only roughly."""
     found = r[lag:] - r[:-lag]
     return min(independent_samples(found, lag), found.size / 1.5)
 
 
 def _in_motion(quiet: float, step: float, samples: int) -> float:
-    """Return the variance in motion of noise whose variance at rest, through converter steps, is `quiet`.
+    """Return the variance in motion of noise that has the variance `quiet` at rest.
 
-    At rest the converter may stay on one level and show no noise. In motion the error is that of a step plus
-    the noise before it. That noise is at most the one that would leave the middle of a step as often as
-    observed.
+    At rest, a converter with the step `step` may stay on one level and hide the noise. In motion, the error
+    is that of a step (step^2 / 12) plus the noise before the converter: at most the one that leaves the
+    middle of a step as often as observed, at least once in `samples`.
     """
     if step <= 0.0:
         return quiet
@@ -333,7 +335,7 @@ def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
     count, size = folded.shape
     about = np.column_stack([np.ones(size), np.linspace(-1.0, 1.0, size)])
     q, _ = np.linalg.qr(about)
-    folded = folded - (folded @ q) @ q.T  # drift does not belong to the repeated shape
+    folded = folded - (folded @ q) @ q.T  # a drift does not belong to the repeated shape
     mean = folded.mean(axis=0)
     spread = _spectrum(folded - mean, count - 1)
     spread = np.maximum(spread, size * known.step**2 / 12.0)
@@ -350,10 +352,10 @@ def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
 
 
 def _folded(r: Array, known: KnownNoise) -> Array | None:
-    """Return the periods after the first as rows [count, size]; None if there are too few."""
+    """Return the periods after the first as rows [count, samples per period]; None if there are too few."""
     first, length, lasts = known.period
     size = math.floor(length)
-    # The first period starts from rest and differs from all others.
+    # The first period starts from rest, so it differs from all others.
     count = math.floor(min(r.size - first, lasts) / length + 1e-6) - 1 if size >= 8 else 0
     if count < FEWEST_PERIODS:
         return None
@@ -363,20 +365,21 @@ def _folded(r: Array, known: KnownNoise) -> Array | None:
 
 
 def _spectrum(rows: Array, freedom: int) -> Array:
-    """Return the power spectrum of rows [rows, n], summed over the rows, divided by `freedom` and smoothed,
-    at each line except the first and the last."""
+    """Return the smoothed power spectrum of rows [rows, n], summed over the rows and divided by `freedom`
+    (the degrees of freedom), at each line except the first and the last."""
     lines = (rows.shape[1] - 1) // 2
     power = np.sum(np.abs(np.fft.rfft(rows)[:, 1 : lines + 1]) ** 2, axis=0) / freedom
     return scipy.ndimage.uniform_filter1d(power, min(SMOOTHED, lines), mode="nearest")
 
 
 def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> Lack:
-    """Return a lack-of-fit test of a model against a model with more free values.
+    """Return a lack-of-fit test of a model against a richer model with more free values.
 
     Args:
         name: name of the recordings.
         left: residual sum of squares of the model.
-        least: residuals [n] of the model with `more` further free values; taken as noise.
+        least: residuals [n] of the richer model, which are taken as noise.
+        more: number of values that only the richer model has.
         fitted: number of values of the richer model.
     """
     noise, freedom = float(least @ least), least.size - fitted
