@@ -1,4 +1,4 @@
-"""Known back ends, and devices that are connected to this machine or answer on the network."""
+"""Registered back ends (clients of devices), and search for devices on this machine and on the network."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from ..quantities import registry
 from .protocols import About, RigError
 
-_PATIENCE = 3.0  # s, longest wait for a driver library to list its devices
+_PATIENCE = 3.0  # longest wait for a driver library to list its devices, s
 _FILES = (
     ("/dev/ttyUSB*", "a serial port"),
     ("/dev/ttyACM*", "a serial port"),
@@ -32,8 +32,9 @@ class Known(NamedTuple):
 class Found(NamedTuple):
     """A device that was found.
 
-    `where` is its port, address or resource, `says` a model or what the device calls itself, and `name` the
-    back end that can open it, or "" if that is unknown.
+    `where` is its serial port, "HOST:PORT" or its name in the maker's driver. `says` is its model or the
+    identity that it reports; for a port only the type of the port. `name` is the name of the back end that
+    can open it, or "" if that is unknown.
     """
 
     where: str
@@ -42,12 +43,16 @@ class Found(NamedTuple):
 
 
 def known_devices() -> list[Known]:
-    """Return the back ends, including those of installed packages."""
+    """Return all registered back ends: rigs, then positioners, including those of installed packages."""
     return [Known(name, kind, _about(client)) for name, kind, client in _clients()]
 
 
 def attached_devices() -> list[Found]:
-    """Return serial ports, USB instruments and NI devices of this machine. Nothing is sent to any port."""
+    """Return the serial ports, USB instruments and DAQ cards (National Instruments) of this machine.
+
+    Nothing is sent to any port. Only the devices that a back end's static method `attached` lists, as DAQ
+    cards, have a `name`.
+    """
     found = [Found(port, words) for pattern, words in _FILES for port in sorted(glob.glob(pattern))]
     for name, _, client in _clients():
         if hasattr(client, "attached"):
@@ -58,13 +63,14 @@ def attached_devices() -> list[Found]:
 def probe(host: str, port: int | None = None, timeout: float = 0.5) -> list[Found]:
     """Return the known controllers that answer at a network address; empty if none does.
 
-    Each back end asks for the identity of its own device. Only a controller that identifies itself gets more
-    requests.
+    Each back end with known ports asks for the identity of its own device. Only a controller that identifies
+    itself gets more requests. A port on which nobody answers is no error.
 
     Args:
         host: name or address.
-        port: TCP port; the search then ends at the first controller found. By default the makers' ports.
-        timeout: s, for each answer.
+        port: TCP port that all back ends try; the search then ends at the first controller found. By default
+            each back end tries the ports of its maker.
+        timeout: longest wait for each answer, s.
     """
     found = []
     asked = [(name, client) for name, _, client in _clients() if _about(client).ports is not None]
@@ -78,7 +84,7 @@ def probe(host: str, port: int | None = None, timeout: float = 0.5) -> list[Foun
 
 
 def _clients() -> Iterator[tuple[str, str, Any]]:
-    """Yield name, kind and class of each back end."""
+    """Yield the name, the kind ("rig" or "positioner") and the class of each registered back end."""
     for kind in (registry.rigs, registry.positioners):
         yield from ((name, kind.noun, client) for name, client in kind.all())
 
@@ -88,10 +94,12 @@ def _about(client: Any) -> About:
 
 
 def _identity(client: Any, host: str, port: int, timeout: float) -> str:
-    """Return what the device at an address calls itself.
+    """Return the identity that the device at an address reports, as a text.
+
+    Without a method `identify` of the class `client`, the device is opened and closed for it.
 
     Raises:
-        RigError: the device is not of the kind that the class `client` controls, or nobody answers.
+        RigError: the device is not of the kind that `client` controls, or nobody answers within `timeout` s.
     """
     if hasattr(client, "identify"):
         return client.identify(host, port, timeout)
@@ -101,16 +109,17 @@ def _identity(client: Any, host: str, port: int, timeout: float) -> str:
 
 
 def _asked(what: Callable[[], list[Any]]) -> list[Any]:
-    """Return the list that `what` returns; empty if it fails or does not return within `_PATIENCE`.
+    """Call the function `what`, which lists devices, and return its list.
 
-    The call is made in a thread of its own, because a driver library may hang.
+    The list is empty if the function raises an error or does not return within `_PATIENCE`. The call is made
+    in a thread of its own, because a driver library may hang.
     """
     made: list[Any] = []
 
     def ask() -> None:
         try:
             made.extend(what())
-        except Exception:  # a missing library or driver raises errors of many types
+        except Exception:  # the types of the errors of a missing library or driver are not known
             return
 
     thread = threading.Thread(target=ask, daemon=True)

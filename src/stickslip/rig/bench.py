@@ -41,7 +41,7 @@ from ..recording.chain import Chain
 
 T = TypeVar("T")
 
-MOST_BASES = 10  # greatest depth of files that name each other as `base`
+MOST_BASES = 10  # longest chain of bench files, each of which names the next one as its `base`
 _BENCHES = Path(__file__).parent / "benches"
 Sensor = StrainGauge | InductiveSensor | Interferometer | Encoder | PositionSensor | Chain
 _PLACES = ("stage", "end_effector")
@@ -56,7 +56,7 @@ _OF_SENSOR = ("type", "on", "adc")
 class Mounted:
     """A sensor, the part on which it is mounted ("stage" or "end_effector"), and its A/D converter.
 
-    `adc` is None for a sensor that outputs numbers (m, rad) instead of a voltage.
+    `adc` is None for a sensor that outputs its position as a number (m or rad) instead of a voltage.
     """
 
     sensor: Sensor
@@ -68,8 +68,10 @@ class Mounted:
 class Bench:
     """All instruments between a program and an actuator, for one drive channel.
 
-    `sample_rate` applies to all inputs, Hz; `piezo_capacitance` is in F. `sensors` are the inputs by name.
-    `assumptions` gives, by field ("dac.bits"), value and reason of each number that no source states.
+    `sample_rate` applies to all inputs, Hz; `piezo_capacitance` is in F. `dac` and `amplifier` form the
+    output; `anti_alias` is the filter before each A/D converter. `sensors` are the inputs by name.
+    `assumptions` gives, by field ("dac.bits"), value and reason, as one text, of each number that no source
+    states.
     """
 
     name: str
@@ -89,24 +91,28 @@ class Bench:
         object.__setattr__(self, "piezo_capacitance", capacitance)
 
     def replace(self, **changes: Any) -> Bench:
-        """Return the same bench with some fields changed."""
+        """Return a copy of the bench in which the fields given by name have the given values."""
         return replace(self, **changes)
 
     def output(self, points: float = math.inf) -> OutputStage:
         """Return the output stage (D/A converter, amplifier, piezo) for the design of drives.
 
         Args:
-            points: greatest number of updates in a period of the drive.
+            points: greatest number of updates in a period of the drive; not limited by default.
         """
         of = OutputStage.of_amplifier(self.amplifier, self.piezo_capacitance)
         step = self.dac.step * self.amplifier.gain
         return of._replace(update_rate=self.dac.update_rate, points=points, step=step)
 
     def with_chain(self, chain: Chain, name: str = "position") -> Bench:
-        """Return the bench with an additional input `name`, which measures the end-effector through a chain.
+        """Return the bench with an additional input, the end-effector's position as seen through a chain.
 
-        The input is in m and free of noise. If the chain's slew rate is finite, it replaces the amplifier's
-        own, and the amplifier's peak current is not limited.
+        The input is free of noise and has no A/D converter.
+
+        Args:
+            chain: scale, offset and delay of the measurement in an identified signal chain. If its slew rate
+                is known, that rate replaces the amplifier's, and the amplifier's current is not limited.
+            name: name of the input.
         """
         amplifier = self.amplifier
         if chain.known_slew_rate is not None:
@@ -123,6 +129,9 @@ def available_benches() -> tuple[str, ...]:
 def load_bench(name: str | os.PathLike[str]) -> Bench:
     """Load a bench of the package, ``load_bench("kang2007-bench")``, or of a TOML file.
 
+    Args:
+        name: name of a bench of the package, or path of a file NAME.toml.
+
     Raises:
         ParameterSetError: there is no such bench, or the file is wrong; names file and field.
     """
@@ -132,11 +141,14 @@ def load_bench(name: str | os.PathLike[str]) -> Bench:
 
 
 def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Return the content of a bench file merged into the content of its base, whose tables it replaces.
+    """Return the content of a bench file, tables by name, together with the content of its base.
+
+    A table of the file replaces the base's table of the same name; `stack` also replaces the base's
+    `piezo_capacitance`, and the reverse.
 
     Args:
         file: path of the bench file.
-        above: files that have named this one as their base, to detect a cycle.
+        above: files that lead to this one, each as the base of the one before; to detect a cycle.
 
     Raises:
         ParameterSetError: a file cannot be read, or the bases form a cycle or too long a chain.
@@ -160,6 +172,8 @@ def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
 def _beside(file: Path, name: str) -> str | Path:
     """Return the path of `name` in the folder of a bench file if it ends in ".toml", else the name itself.
 
+    A name without the ending is that of a bench or part of the package.
+
     Raises:
         ParameterSetError: the path leads out of the folder of the bench file.
     """
@@ -172,7 +186,11 @@ def _beside(file: Path, name: str) -> str | Path:
 
 
 class _Reading:
-    """Reader of one bench file's content (bases merged), which collects the assumed values."""
+    """Reader of one bench file's content, which collects the assumed values in `assumptions`.
+
+    The constructor gets the path, for errors, and the content with its bases, as `_whole` returns it. `bench`
+    builds the bench. All methods raise ParameterSetError for a wrong table, with file and table.
+    """
 
     def __init__(self, file: Path, content: dict[str, Any]) -> None:
         self.file, self.content, self.assumptions = file, content, dict[str, str]()
@@ -213,7 +231,7 @@ class _Reading:
         return bench
 
     def _amplifier(self) -> Amplifier:
-        """Return the amplifier of the table ``[amplifier]``, or the part that the file names instead."""
+        """Return the amplifier of the table ``[amplifier]``, or the part that ``amplifier = NAME`` names."""
         if not isinstance(self.content.get("amplifier"), str):
             return self._part(Amplifier, "amplifier", self._table("amplifier"))
         name = _beside(self.file, self.content.pop("amplifier"))
@@ -222,7 +240,7 @@ class _Reading:
         return amplifier
 
     def _capacitance(self) -> float:
-        """Return the capacitance of the piezo, F: of its own table, or of the stack that the file names."""
+        """Return the piezo's capacitance, F, of ``[piezo_capacitance]`` or of the part ``stack = NAME``."""
         named = self.content.pop("stack", None)
         if named is None:
             key = "piezo_capacitance"
@@ -238,12 +256,12 @@ class _Reading:
         return stack.load
 
     def _assume(self, where: str, part: Part, fields: tuple[str, ...] = ()) -> None:
-        """Add the assumed values of a part to the assumptions of the bench.
+        """Add the assumed values of a part, with their reasons, to `assumptions`.
 
         Args:
-            where: table of the bench that names the part, such as "amplifier".
+            where: key of the bench file that names the part, "amplifier" or "stack".
             part: content of the part's file.
-            fields: fields that the bench uses; empty for all.
+            fields: names of the part's fields that the bench uses; empty for all.
         """
         for field, said in part.assumptions.items():
             if not fields or field in fields:

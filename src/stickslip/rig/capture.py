@@ -1,4 +1,4 @@
-"""Capture settings: length, interval, trigger, pre-trigger, averaging."""
+"""Settings of a recording (capture): length, sampling interval, trigger, time before it, averaging."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from .protocols import Array, RigError
 
 
 class CaptureError(RigError):
-    """A capture cannot be made as requested, for example because the trigger did not come."""
+    """A recording cannot be made as requested: its trigger cannot come, or did not come in time."""
 
 
 class Trigger(NamedTuple):
-    """Trigger of a recording: the channel `signal` crosses `level`, upwards ("rising") or downwards.
+    """Trigger of a recording: the channel named `signal` crosses `level`.
 
-    `level` is in the unit of the channel after its calibration, SI.
+    `level` is in the unit of the channel after its calibrations, SI. `edge` is the direction of the crossing:
+    "rising" (upwards) or "falling" (downwards).
     """
 
     signal: str
@@ -31,8 +32,8 @@ class Trigger(NamedTuple):
 class Capture(NamedTuple):
     """Length, sampling interval and start of one recording.
 
-    The recording starts, at time 0, `pre_trigger` before the trigger; without a trigger it starts
-    `pre_trigger` before the drive. `average` runs are averaged into one recording.
+    The recording starts, at its time 0, `pre_trigger` seconds before the trigger; without a trigger it starts
+    `pre_trigger` before the drive. The samples of `average` runs are averaged into one recording.
     """
 
     length: Annotated[float, Quantity("s", "T", "length", above=0)]
@@ -59,12 +60,13 @@ class Capture(NamedTuple):
 
     @property
     def before(self) -> int:
-        """Return the number of samples of the recording before the trigger."""
+        """Return the number of samples of the recording before the trigger, or before the drive without
+        one."""
         return round(self.pre_trigger / self.interval)
 
 
 def stride(capture: Capture, sample_rate: float) -> int:
-    """Return how many samples of the rig correspond to one sample of the recording.
+    """Return the number of rig samples per sample of the recording, which keeps one of them.
 
     Args:
         capture: settings of the recording.
@@ -84,12 +86,14 @@ def stride(capture: Capture, sample_rate: float) -> int:
 
 
 def find_trigger(values: Array, trigger: Trigger, start: int) -> int | None:
-    """Return the index of the first sample after a crossing of the trigger's level; None without a crossing.
+    """Return the index of the first sample that has reached the trigger's level in the trigger's direction.
+
+    The sample before it has not reached the level. The result is None without such a crossing.
 
     Args:
-        values: samples of the trigger's channel [n].
+        values: samples of the trigger's channel [n], in the unit of the trigger's level.
         trigger: level and edge.
-        start: least index that counts, at least 1.
+        start: smallest index that counts; at least 1 is used.
     """
     above = values >= trigger.level if trigger.edge == "rising" else values <= trigger.level
     crossings = np.flatnonzero(above[1:] & ~above[:-1]) + 1
@@ -98,9 +102,15 @@ def find_trigger(values: Array, trigger: Trigger, start: int) -> int | None:
 
 
 def picks(capture: Capture, sample_rate: float, trigger: int) -> NDArray[np.int64]:
-    """Return the indices [samples] of the rig's samples that form the recording.
+    """Return the indices of the rig's samples that form the recording, one per sample of the recording.
 
-    `sample_rate` is that of the rig, Hz, and `trigger` the index of the rig's sample at the trigger.
+    Args:
+        capture: settings of the recording.
+        sample_rate: sampling rate of the rig, Hz.
+        trigger: index of the rig's sample at the trigger, or at the start of the drive.
+
+    Raises:
+        QuantityError: as `stride`.
     """
     step = stride(capture, sample_rate)
     return trigger + (np.arange(capture.samples) - capture.before) * step

@@ -1,4 +1,7 @@
-"""Descriptions of rigs as JSON data, from which the process that owns a rig opens the device."""
+"""Descriptions of rigs as JSON data, from which the process that owns a rig opens the device.
+
+A description is a dictionary with a `kind`: "virtual" for a simulated rig, "own" for a real one.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ def virtual_device(
         bench: name of a bench, or path of its file.
         seed: seed of the noise.
         real_time: True to deliver the samples no sooner than a real rig would.
-        repeats: variation of the contact from run to run.
+        repeats: variation of the contact from run to run, and irregularity of the steps; by default neither.
     """
     fields = actuator._asdict()
     return {
@@ -52,8 +55,8 @@ def open_device(device: dict[str, Any], origin: float) -> Rig:
 
     Args:
         device: description, as `virtual_device` or `own_device` returns it.
-        origin: displacement of the end-effector at the end of the previous run, m; used by a virtual rig
-            only.
+        origin: displacement of the end-effector by all earlier runs, m (rad), from which a virtual rig
+            continues; a real rig ignores it.
 
     Raises:
         RigError: the device does not answer, or the description has no known kind.
@@ -76,12 +79,14 @@ def open_device(device: dict[str, Any], origin: float) -> Rig:
 
 
 def told_of(device: dict[str, Any], runs: int, after: int) -> dict[str, str]:
-    """Return attributes for a recording: the true contact in its runs. Empty for a real rig.
+    """Return attributes for a recording, texts by name: the true contact in its runs (`Repeats.told`).
+
+    The result is empty for a real rig, and for a virtual rig whose contact does not vary.
 
     Args:
         device: description of the rig.
         runs: number of runs of the recording.
-        after: number of runs that the rig has made before.
+        after: number of runs that the rig has made since the number in the description.
     """
     if device.get("kind") != "virtual":
         return {}

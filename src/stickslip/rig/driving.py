@@ -1,4 +1,8 @@
-"""Flag set while this program drives a rig: Ctrl-C then ends the run with a ramp to 0 V, not at once."""
+"""Flag that is set while this program drives a rig.
+
+The command line reads the flag: Ctrl-C then ends the run with a ramp to 0 V instead of ending the program at
+once.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +14,9 @@ _HOLDERS: list[object] = []  # one object for each active context of `driving`
 
 @contextmanager
 def driving() -> Iterator[None]:
-    """Set the flag within the context, in which the program drives a rig and records."""
+    """Set the flag as long as the context lasts. Contexts can be nested or run in several threads."""
     holder = object()
-    _HOLDERS.append(holder)  # a list, because contexts can be nested or in several threads
+    _HOLDERS.append(holder)
     try:
         yield
     finally:

@@ -1,4 +1,4 @@
-"""Safety checks of a run: of the drive before it is output, and of the readings during the run."""
+"""Safety checks of an open-loop run: of the drive before the output, and of the readings during the run."""
 
 from __future__ import annotations
 
@@ -14,32 +14,40 @@ from .home import Home
 from .limits import LimitError, Limits, beyond, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 
-FROZEN_DRIVE = 10.0  # V; constant position readings are a fault if the drive has moved by this meanwhile
-SWITCH_OFF = "switch the amplifier off"  # what people must do if the output cannot be brought to 0 V
-_ANSWER = 0.01  # s, longest delay from drive to sensor; the latest drive is not held against the sensor
+# Range of the drive, V, from which on constant position readings during this drive are a fault.
+FROZEN_DRIVE = 10.0
+SWITCH_OFF = "switch the amplifier off"  # request to people if the output cannot be brought to 0 V
+# Longest delay from the drive to the position reading, s. The check for constant readings ignores the drive
+# of this last time, to which the sensor cannot have responded yet.
+_ANSWER = 0.01
 
 
 class PositionInput(NamedTuple):
-    """Name of the input that measures the end-effector's position, and its calibrations to m or rad."""
+    """Name of the input that measures the end-effector's position, and the calibrations that convert its
+    readings to m or rad, in the order in which they are applied; none for an input in m or rad."""
 
     name: str
     calibration: tuple[Calibration, ...]
 
     def unit(self, can: Capabilities) -> str:
-        """Return the unit of the position after calibration: "m", or "rad" for a rotary stage."""
+        """Return the unit of the position after calibration: "m", or "rad" for a rotary stage.
+
+        `can` are the capabilities of the rig, which state the unit of an input without calibration.
+        """
         return self.calibration[-1].y_unit if self.calibration else can.inputs[self.name]
 
 
 class Gate:
-    """Access to a rig for one run, through which no drive passes that violates the limits.
+    """Access to a rig for one run; every drive and every block of samples is checked against the limits.
 
-    The requested voltages are checked. The converter may then deviate from them by one of its steps.
+    The requested voltages are checked. The converter's output may deviate from them by one of its steps.
 
     Args:
         rig: rig that outputs the drive and records.
         limits: limits of the output and the position.
         capabilities: capabilities of the rig.
-        home: origin of positions; by default the mean reading before the drive.
+        home: origin of positions. An input without a home, as all by default, gets its mean reading before
+            the drive as home. `take` stores the last position here.
 
     Attributes:
         began: position before the drive, m (rad) from home; None until it was read.
@@ -55,7 +63,7 @@ class Gate:
         self._inputs: tuple[str, ...] = ()
         self._position: PositionInput | None = None
         self._rest = self._done = self._same = 0
-        self._until = 0.0  # s, duration of the run if its samples arrive only at its end, else 0
+        self._until = 0.0  # duration of the run, s, if the rig delivers its samples only at the end; else 0
         self._origin, self._last = 0.0, math.nan
         self.began: float | None = None
 
@@ -73,7 +81,8 @@ class Gate:
         Args:
             inputs: names of the inputs.
             samples: number of samples of the run.
-            position: input that is checked against end stops and for constant readings; None for no check.
+            position: one of the inputs, checked against end stops and for constant readings; None for no
+                check.
             rest: number of samples before the drive.
         """
         self._inputs, self._position, self._rest = inputs, position, rest
@@ -81,7 +90,7 @@ class Gate:
         self._last, self.began = math.nan, None
         self._until = 0.0 if self._can.streams else samples / self._can.sample_rate
         self._rig.arm(inputs, samples)
-        self._origin = getattr(self._rig, "origin", 0.0)  # some devices know their origin only after `arm`
+        self._origin = getattr(self._rig, "origin", 0.0)  # read after `arm`: some devices know it only then
 
     def start(self) -> None:
         """Start the output of the loaded drive, the recording, and the watchdog."""
@@ -93,8 +102,9 @@ class Gate:
 
         Raises:
             RigError: the samples do not have this shape.
-            LimitError: the rig was silent for too long; or a reading is not finite, did not change while the
-                drive moved, or is beyond an end stop.
+            LimitError: the rig delivered nothing for `Limits.watchdog` (longer if it delivers only at the
+                end); a reading is not finite; or the position was constant for `Limits.frozen` while the
+                drive changed by `FROZEN_DRIVE`, or is beyond an end stop.
         """
         shape = getattr(block, "shape", None)
         if shape is None or len(shape) != 2 or shape[0] != len(self._inputs):
@@ -167,11 +177,15 @@ class Gate:
 
 
 def stop_failed(error: BaseException, failure: BaseException | None) -> BaseException:
-    """Return the error of a run whose stop failed, with the request to switch the amplifier off.
+    """Return the error of a run whose ramp to 0 V failed, with the request to switch the amplifier off.
 
     Args:
-        error: the error of the stop.
-        failure: the earlier error that ended the run, which is then returned with a note; or None.
+        error: the error of the ramp.
+        failure: the earlier error that ended the run, or None.
+
+    Returns:
+        `failure` with a note on the failed ramp; without `failure` the `error`, with a note if its text does
+        not contain the request yet.
     """
     told = f"The stop failed: {SWITCH_OFF}"
     if SWITCH_OFF not in str(error):

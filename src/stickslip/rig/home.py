@@ -25,10 +25,10 @@ from .protocols import Array, RigError
 class Home:
     """Home of a rig, and the last position of the end-effector.
 
-    `readings` gives, for each position input, its reading at home (in the unit of the input) and the origin
-    [m] at that time. `position` is the last position, m (rad) from home; None before the first run. `origin`
-    [m] is the displacement by all runs so far of a rig whose readings start at zero in each run; it is kept
-    here for the next process that owns the rig.
+    `readings` gives, by name of the position input, its reading at home (in the unit of the input) and the
+    origin [m or rad] at that time. `position` is the last position, m (rad) from home; None before the first
+    run. `origin` [m or rad] is the displacement by all runs so far of a rig whose readings start at zero in
+    each run; it is kept here for the next process that owns the rig.
     """
 
     def __init__(self) -> None:
@@ -37,12 +37,15 @@ class Home:
         self.origin = 0.0
 
     def set(self, source: str, reading: float, origin: float) -> None:
-        """Make the place with this reading home.
+        """Make the position with this reading home, and the present position 0.
+
+        Homes of other inputs are forgotten, because they belong to another position.
 
         Args:
             source: name of the position input.
             reading: its reading at home, in the unit of the input.
-            origin: origin of the rig's readings at that time, m.
+            origin: displacement by all earlier runs at that time, m (rad); 0 for a rig whose readings
+                continue.
         """
         self.readings = {source: (reading, origin)}
         self.position = 0.0
@@ -56,7 +59,7 @@ class Home:
             source: name of the input.
             raw: readings [n], in the unit of the input.
             chain: calibrations of the input to m (rad).
-            origin: present origin of the rig's readings, m.
+            origin: displacement by all earlier runs now, m (rad); 0 for a rig whose readings continue.
 
         Raises:
             LimitError: a calibration gives no finite number, so that end stops could not be checked.
@@ -76,7 +79,7 @@ class Home:
         return found
 
     def save(self, path: Path) -> None:
-        """Save home to a file, which is replaced as a whole, so that a crash leaves no damaged file."""
+        """Save home to a JSON file, which is replaced as a whole, so that a crash leaves no damaged file."""
         content = {"readings": self.readings, "position": self.position, "origin": self.origin}
         with replaced_whole(path) as temporary:
             temporary.write_text(json.dumps(content), encoding="utf-8")
@@ -112,7 +115,7 @@ def _finite(value: object) -> float:
 
 
 def calibrated(raw: Array, chain: Sequence[Calibration]) -> Array:
-    """Return readings [n] after the calibrations of the chain, applied in order."""
+    """Return the readings `raw` [n] after all calibrations of the chain, in the unit of the last one."""
     for calibration in chain:
         raw = calibration(raw)
     return raw

@@ -4,8 +4,8 @@
 
 The folder keeps home.json (origin of positions), interlock.json (fault and permits), rig.json (port, token
 and number of the process, readable by this user only), log.jsonl (see `logbook`) and rig.log (error output).
-Only one process at a time has the lock of a folder. The process ends after a few seconds without a client;
-SIGTERM ends it with a ramp to 0 V. `wire` describes the requests.
+Only one process at a time has the lock of a folder. The process ends after `LINGER` seconds without client
+and run; SIGTERM ends it with a ramp to 0 V. `wire` describes the requests.
 """
 
 from __future__ import annotations
@@ -42,27 +42,27 @@ from .site import site_of
 from .supervisor import ANOTHER, Supervisor, state_of
 from .wire import WireError, receive, send, text_of
 
-NICE = -10  # nice value of the process, so that computations and pages do not delay it
-LINGER = 5.0  # s without a client after which the process ends
-_GREETING = 2.0  # s in which a client must identify itself
-_MOST_STRANGERS = 32  # connections that have not identified themselves; the oldest one makes room
-_LONGEST_WAIT = 1.0  # s that one request may wait for samples or for the end of a run
-_LONGEST_RAMP = LONGEST_STOP + 5.0  # s, longest wait for the end of a ramp
-_LEAVING = 0.3  # s that a client waits for the rig if another client holds it, who may be closing it
+NICE = -10  # nice value that the process sets itself, so that computations and pages do not delay it
+LINGER = 5.0  # time without a client and without a run after which the process ends, s
+_GREETING = 2.0  # time in which a new connection must send the request "hello" with the token, s
+_MOST_STRANGERS = 32  # most connections that have not sent "hello" yet; one more closes the oldest of them
+_LONGEST_WAIT = 1.0  # longest time that one request waits for samples or for the end of a run, s
+_LONGEST_RAMP = LONGEST_STOP + 5.0  # longest wait for the end of a ramp to 0 V, s
+_LEAVING = 0.3  # longest wait of the request "open" for another client to release the rig, s
 
 
 class Host:
     """Server for the clients of one rig. One client at a time holds the rig; any client may stop it.
 
     Args:
-        folder: folder of the rig, see the module.
+        folder: folder of the rig, see the module. RigError if its home.json is damaged.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder, self.token = folder, secrets.token_hex(32)
         home = folder / "home.json"
         self._log = Logbook(folder)
-        self._limits: Limits | None = None  # limits of the last run
+        self._limits: Limits | None = None  # limits of the last run, for the log of changes
         self.interlock = Interlock(folder / INTERLOCK, log=self._act)
         self.supervisor = Supervisor(
             Home.load(home),
@@ -71,7 +71,7 @@ class Host:
             self.interlock,
             lambda: site_of(folder.name),
         )
-        self._armer: socket.socket | None = None  # connection that enabled the output
+        self._armer: socket.socket | None = None  # connection that armed the output; None if disarmed
         self._lock = threading.Lock()
         self._clients: set[socket.socket] = set()
         self._strangers: list[socket.socket] = []
@@ -81,7 +81,8 @@ class Host:
         self.ended = threading.Event()
 
     def serve(self) -> None:
-        """Serve until no client has been there for `LINGER` seconds, or `ended` is set; then ramp to 0 V."""
+        """Serve until neither client nor run was there for `LINGER` s, or `ended` is set; then ramp to 0
+        V."""
         listening = socket.create_server(("127.0.0.1", 0))
         listening.settimeout(0.2)
         self._tell(listening.getsockname()[1])
@@ -100,7 +101,7 @@ class Host:
             self.supervisor.join()
 
     def _tell(self, port: int) -> None:
-        """Write the file by which clients find the process, in one step and readable by this user only."""
+        """Write rig.json, by which clients find the process, in one step and readable by this user only."""
         path = self._folder / "rig.json"
         temporary = path.with_suffix(".part")
         temporary.unlink(missing_ok=True)
@@ -111,7 +112,7 @@ class Host:
 
     def _welcome(self, link: socket.socket) -> None:
         with self._lock:
-            if len(self._strangers) >= _MOST_STRANGERS:  # a new client, who may want a stop, needs a place
+            if len(self._strangers) >= _MOST_STRANGERS:  # a new client may want a stop: close the oldest one
                 with suppress(OSError):
                     self._strangers.pop(0).shutdown(socket.SHUT_RDWR)
             self._strangers.append(link)
@@ -135,7 +136,7 @@ class Host:
                     answer, block = self._answer(link, name, asked, values)
                     try:
                         send(link, answer, block)
-                    except (TypeError, ValueError) as error:  # a user's own rig gave data that are no JSON
+                    except (TypeError, ValueError) as error:  # JSON cannot express data of a user's own rig
                         said = f"{asked.get('do')}: the rig gave what cannot be told: {error}"
                         send(link, {"error": said, "kind": "RigError"})
         except WireError:
@@ -160,17 +161,16 @@ class Host:
             self._disarm("the program that armed it is gone", "the rig's process")
         with self._lock:
             if not self._clients and not self.supervisor.busy:
-                self.supervisor.let_go()  # closes the device, which other programs may want
+                self.supervisor.let_go()  # closes the device, so that other programs can open it
         with suppress(OSError):
             link.close()
 
     def _release(self, gone: bool = False) -> None:
         """Let other clients hold the rig, once its run has ended at 0 V.
 
-        The ramp to 0 V is awaited here. A virtual rig may compute for long: a thread then waits for it.
-
-        Args:
-            gone: True if the client has disconnected: its file of samples is then completed.
+        The end is awaited for `_LONGEST_WAIT`, a ramp for `_LONGEST_RAMP`. If the run has not ended then (a
+        virtual rig may compute for long), a thread waits for it. With `gone` True the client has
+        disconnected: the samples that it has not stored are appended to its file of samples.
         """
         self.supervisor.join(_LONGEST_WAIT)
         if self.supervisor.phase == "stopping":
@@ -190,7 +190,7 @@ class Host:
         try:
             return self._done(link, name, asked, values)
         except BaseException as error:
-            # Notes are part of the answer: without them a failed stop would stay unnoticed.
+            # The answer contains the error's notes: a note may say that the ramp to 0 V failed.
             said = ". ".join((str(error), *getattr(error, "__notes__", ())))
             return {"error": said, "kind": type(error).__name__, **self._progress()}, None
 
@@ -221,7 +221,7 @@ class Host:
             try:
                 return self._opened(asked["device"], bool(asked["again"])), None
             except BaseException:
-                if not held:  # a client whose rig does not open must not block others
+                if not held:  # a client whose rig does not open must not keep others from the rig
                     self._holder = None
                 raise
         if self._holder is None or self._holder[0] is not link:
@@ -252,13 +252,13 @@ class Host:
         self._log.write(f"run ended: {line}")
 
     def _changed(self, limits: Limits, who: str) -> None:
-        """Log the limits that differ from those of the previous run."""
+        """Log the limits that differ from those of the previous run; `who` names the client that set them."""
         before, self._limits = self._limits, limits
         if changes := changed_limits(before, limits):
             self._log.write(f"limits: {', '.join(changes)}", who=who)
 
     def _act(self, act: str, who: str, what: str, why: str) -> None:
-        """Log an act on the interlock, such as "armed"; this is the `log` of `Interlock`."""
+        """Log an act on the interlock; this is the argument `log` of `Interlock`, see `interlock.Log`."""
         level = "error" if act == "fault" else "info" if act == "acknowledged" else "warning"
         self._log.write(f"{act}: {what}", who=who, why=why, level=level)
 
@@ -272,8 +272,8 @@ class Host:
         Args:
             link: connection of the client; the output is disarmed when the connection that armed it ends.
             do: "arm", "disarm", "acknowledge" or "permit".
-            asked: the request, with `why`, and for a permit `name` and `given`.
-            who: name of the person or program, for the log.
+            asked: the request, with `why`; "permit" has `name` and `given` (False withdraws the permit) too.
+            who: name of the person or program, for the log. Errors are those of `Interlock`.
         """
         why = str(asked.get("why", ""))
         if do == "arm":
@@ -319,18 +319,18 @@ class Host:
             return self._holder is not None and self._holder[0] is not link
 
     def _opened(self, device: dict[str, Any], again: bool) -> dict[str, Any]:
-        """Open the rig; return its capabilities and its attributes for recordings, as JSON data.
+        """Open the rig; return its `capabilities` and, as `told`, its attributes for recordings (JSON data).
 
         Args:
-            device: description of the rig, see `description`.
-            again: True if this client has opened the rig before: a virtual rig then stays as it is.
+            device: description of the rig, see `description`. A real rig that is open stays open.
+            again: True if this client has opened the rig before: a virtual rig then stays as it is too.
 
         Raises:
-            TypeError: a user's own rig gave data that cannot be written as JSON.
+            RigError, TypeError: a run is active; JSON cannot express the data of a user's own rig.
         """
         capabilities = self._open(device, again)
         told = getattr(self.supervisor.rig, "told", None)
-        virtual = device.get("kind") == "virtual"  # the client computes these attributes itself
+        virtual = device.get("kind") == "virtual"  # its client computes the attributes by `told_of` instead
         said = {"capabilities": capabilities._asdict(), "told": {} if told is None or virtual else told(1)}
         text_of(said)
         return said
@@ -339,7 +339,7 @@ class Host:
         one = self.supervisor
         if one.busy:
             raise RigError("a run is going on: stop it first")
-        # Each recording needs a new virtual rig, whose noise comes from the recording's seed.
+        # A virtual rig is made again for each recording, because its noise comes from the recording's seed.
         if device != self._device or one.rig is None or (device.get("kind") == "virtual" and not again):
             one.let_go()
             self._device = None
@@ -371,10 +371,10 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
 
 
 def main(folder: Path) -> int:
-    """Own the rig of a folder until no client needs it; return the exit code of the process.
+    """Own the rig of a folder until it has no client any more; return the exit code of the process.
 
-    The code is 0 after that, `ANOTHER` if another process owns the rig, and 1, with a line on stderr, if a
-    file of the folder cannot be used.
+    The code is 0 at the regular end, `ANOTHER` if another process owns the rig, and 1, with a line on stderr,
+    if the folder or a file in it cannot be used.
     """
     come_first(NICE)
     give_memory_back()
@@ -389,7 +389,7 @@ def main(folder: Path) -> int:
             sys.setswitchinterval(1e-3)
             with collected_on_request():
                 host.serve()
-    except (OSError, RigError) as error:  # an unreadable file of the folder; the client shows this line
+    except (OSError, RigError) as error:  # the folder cannot be used; clients show this line
         print(error, file=sys.stderr)
         return 1
     return 0

@@ -31,24 +31,24 @@ from .protocols import Array, Capabilities, ControllerSpec, RigError, RigWarning
 from .supervisor import ANOTHER
 from .wire import receive, send
 
-STARTS = 30.0  # s in which a new process of a rig must answer
+STARTS = 30.0  # time in which a new process of a rig must answer, s
 UNANSWERED = "the rig does not answer: switch the amplifier off"
-KEPT = "the output may keep its voltage: switch the amplifier off"  # for a process that ended during a run
-LATE = 1.0  # s without an answer to a stop, after which people are asked to switch the amplifier off
-_LAST = LONGEST_STOP + 10.0  # s, longest wait for the answer to a stop
-_ANSWER = 10.0  # s, longest wait for the answer to a request that is not urgent
-_SILENT = 3.0  # s, shortest time allowed for the answer to a request for samples
-_OPENED = 60.0  # s in which the process opens a device
-_BUSY = ("preparing", "running", "stopping")  # phases of an active run
-_WAIT = 0.1  # s that the process may wait for samples before it answers a request for them
+KEPT = "the output may keep its voltage: switch the amplifier off"  # if the process ended during a run
+LATE = 1.0  # time without an answer to a stop after which people are asked to switch the amplifier off, s
+_LAST = LONGEST_STOP + 10.0  # longest wait for the answer to a stop, s
+_ANSWER = 10.0  # longest wait for the answer to any other request, s
+_SILENT = 3.0  # shortest time that the process has to answer a request for samples, s
+_OPENED = 60.0  # longest wait for the process to open a device, s
+_BUSY = ("preparing", "running", "stopping")  # values of `Supervisor.phase` during a run
+_WAIT = 0.1  # longest time that the process waits for samples before it answers a request for samples, s
 _KINDS: dict[str, type[Exception]] = {
     one.__name__: one for one in (LimitError, RigError, StopRequested, InterlockError, QuantityError)
 }
 
 
 def folder_of(resource: str) -> Path:
-    """Return the folder of the process that owns a real rig; `resource` is a text that identifies the rig,
-    such as its address. The environment variable STICKSLIP_RIGS replaces the parent folder."""
+    """Return the folder of the process that owns a real rig, named by `resource`, a text that identifies the
+    rig, such as its address. Its parent is $STICKSLIP_RIGS, or stickslip/rigs in the user's state folder."""
     given = os.environ.get("STICKSLIP_RIGS")
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     base = Path(given) if given else Path(state) / "stickslip" / "rigs"
@@ -56,14 +56,14 @@ def folder_of(resource: str) -> Path:
 
 
 class Link:
-    """Connection to the process that owns the rig of a folder. The process is started if it does not run.
+    """Connection to the process that owns the rig of a folder; starts the process if it does not run.
 
     Args:
         folder: folder of the rig's process, see `host` and `folder_of`.
         name: name of this client, shown to others who find the rig in use.
 
     Raises:
-        RigError: the process does not start.
+        RigError: the process does not start or answer, or others can access the folder.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
@@ -81,7 +81,7 @@ class Link:
         late: float = LATE,
         **what: Any,
     ) -> tuple[dict[str, Any], Array]:
-        """Send a request; return its answer and the array in it, which may be empty.
+        """Send a request; return the head of its answer (by key) and its array, which may be empty.
 
         Args:
             do, values, what: name, array and other content of the request; see `wire`.
@@ -89,8 +89,8 @@ class Link:
             late: s without an answer before a `RigWarning` asks people to switch the amplifier off.
 
         Raises:
-            RigError, QuantityError: the process refuses the request; RigError if the process is gone or
-                silent.
+            RigError, QuantityError: refusal by the process, with its `answer`; RigError also if the process
+                is gone or silent.
         """
         try:
             with self._lock:
@@ -107,7 +107,7 @@ class Link:
         return answer, block
 
     def tell_stop(self, why: str) -> None:
-        """Request a stop without waiting, on a connection that serves nothing else. Raises RigError."""
+        """Request a stop for the reason `why` without waiting. Raises RigError if the process is gone."""
         try:
             send(self._link, {"do": "stop", "why": why})
         except OSError as error:
@@ -122,7 +122,7 @@ class Link:
             raise RigError(f"the rig's process has ended ({error})") from None
 
     def _await(self, within: float, late: float) -> None:
-        """Wait for an answer, see `ask`. Close the connection and raise RigError if none comes `within` s."""
+        """Wait for an answer, see `ask`. If none comes `within` s, close the connection, raise RigError."""
         if select.select([self._link], [], [], min(within, late))[0]:
             return
         if within > late:
@@ -141,7 +141,7 @@ _LINKS: WeakSet[Link] = WeakSet()
 
 
 def stop_all(most: float = 3.0) -> None:
-    """Ramp every rig of this program to 0 V; repeat the request for `most` seconds until no run is active."""
+    """Stop the runs of all rigs to which this program is connected; wait `most` s at most for the ends."""
     end = time.monotonic() + most
     for folder in {link.folder for link in list(_LINKS)}:
         other = greeted(folder, "a stop")
@@ -157,14 +157,14 @@ def stop_all(most: float = 3.0) -> None:
 
 
 class HostedRig:
-    """A rig in its own process, which checks the limits and stops the rig when this program dies or stalls;
-    see `protocols.Rig`.
+    """A rig in its own process, which checks the limits and ramps the rig to 0 V when this program dies or
+    stalls; see `protocols.Rig`.
 
     Args:
         link: connection to the process.
         device: description of the device to open; see `description`.
         capabilities: capabilities of the rig, if known: the rig is then opened only when it is first used.
-        said: attributes for recordings that describe the device, if known.
+        said: attributes for recordings that describe the device, texts by name, if known.
 
     Raises:
         RigError: another program holds the rig, or it does not answer.
@@ -182,7 +182,7 @@ class HostedRig:
         self.capabilities = capabilities or self._open()
         self._volts = np.zeros(0)
         self._guard: dict[str, Any] = {}
-        self._first: Array | None = None  # samples fetched by `start`, which the next `fetch` returns
+        self._first: Array | None = None  # samples that `start` has fetched; the next `fetch` returns them
         self._inputs: tuple[str, ...] = ()
         self._samples = self._runs = 0
         self.position: float | None = None
@@ -190,14 +190,14 @@ class HostedRig:
         self.ramp_after: float | None = None
         self._said: dict[str, Any] = {}
         self.ended = False  # True when the run is over and all samples were fetched
-        self.operated = False  # True if a page sends requests `beat` while its operator is there
-        self.waiting: Callable[[], object] = lambda: None  # called repeatedly while a start is awaited
+        self.operated = False  # True if a page of the panel reports by "beat" while its operator is there
+        self.waiting: Callable[[], object] = lambda: None  # called again and again while a run is prepared
 
     def guard(
         self, limits: Limits, position: PositionInput | None, rest: int, keep: Path | None = None
     ) -> None:
-        """Set limits, position input and samples before the drive (`rest`) of the next run; `keep` is the
-        file of samples that the process completes if this program is killed."""
+        """Set limits, position input (None: no end stops) and number of samples before the drive (`rest`) of
+        the next run. The process completes the file of samples `keep` if this program is killed."""
         self._guard = {
             "limits": limits._asdict(),
             "rest": rest,
@@ -206,8 +206,8 @@ class HostedRig:
         }
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return attributes for a recording of the next runs: the true contact of a virtual rig, or the
-        description of the device."""
+        """Return attributes, texts by name, for a recording of the next `runs` runs: the true contact of a
+        virtual rig if it varies, otherwise those that describe the device."""
         return told_of(self._device, runs, self._runs) or self._told
 
     def controlled(
@@ -216,22 +216,22 @@ class HostedRig:
         plausibility: Plausibility | None = None,
         second: PositionInput | None = None,
     ) -> None:
-        """Make the next run a closed loop in the rig's process; the loaded values are targets, m. Call this
-        after `guard`. `order.Order` explains the other arguments."""
+        """Make the next run a closed loop in the rig's process; `load` then takes targets, m (rad) from home.
+        Call this after `guard`. `order.Order` explains `plausibility` and `second`."""
         self._guard["controller"] = controller.document()
         self._guard["plausibility"] = None if plausibility is None else plausibility._asdict()
         self._guard["second"] = None if second is None else position_document(second.name, second.calibration)
 
     def command(self, **what: Any) -> None:
-        """Send a command to the controller of the active loop. Raises QuantityError if it refuses."""
+        """Call the method `command` of the active loop's controller. Raises RigError or QuantityError."""
         self._ask("command", what=what)
 
     def said(self) -> dict[str, Any]:
-        """Return the latest statistics of the closed loop, as `turns.LoopRig.said`; empty before a run."""
+        """Return the statistics of the closed loop that came last, as `turns.LoopRig.said`; {} before any."""
         return self._said
 
     def load(self, volts: Array) -> None:
-        """Load the drive, V at the piezo, one value per update."""
+        """Store the drive [n], V at the piezo (or targets, see `controlled`), one value per update."""
         self._volts = volts
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
@@ -239,7 +239,7 @@ class HostedRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start output and recording; return when the output has started."""
+        """Start output and recording; return when the run is no longer prepared. RigError before `guard`."""
         if not self._guard:
             raise RigError("a hosted rig is started by `measure`, which says what to watch")
         self._open()
@@ -253,7 +253,7 @@ class HostedRig:
             self._first = self._fetched()
 
     def fetch(self) -> Array:
-        """Return the next samples [inputs, n]; n may be 0. Raises the error that ended the run."""
+        """Return the next samples [inputs, n], in their units; n may be 0. Raises what has ended the run."""
         block, self._first = self._first, None
         return self._fetched() if block is None else block
 
@@ -266,17 +266,17 @@ class HostedRig:
         return block if block.size else np.zeros((len(self._inputs), 0))
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V at the `stop_slew` of the limits set by `guard`; `slew` is ignored."""
+        """Ramp to 0 V at `guard`'s `stop_slew` (not `slew`), release the rig; RigError if it fails."""
         del slew
         try:
             self._ask("close", within=_LAST, late=LATE)
         except RigError as error:
             if str(error).startswith("close: open the rig first"):
-                return  # the process has not opened the rig, so there is nothing to stop
+                return  # this client does not hold the rig, so it has nothing to stop
             raise
 
     def home_here(self, position: PositionInput, slew: float) -> None:
-        """Make the present position home, which is read in a run at 0 V; `slew` [V/s] is used at its end."""
+        """Make the present position home, as read in a run at 0 V. Its stop has the slew rate `slew`, V/s."""
         self._open()
         try:
             self._ask("home_here", **position_document(position.name, position.calibration), slew=slew)
@@ -318,7 +318,7 @@ class HostedRig:
 
 
 def position_document(name: str, calibration: Sequence[Any]) -> dict[str, Any]:
-    """Return the input that measures the position, and its calibrations, as JSON data."""
+    """Return {"input": name, "calibration": [JSON texts]} of the input that measures the position."""
     return {"input": name, "calibration": [to_text(one) for one in calibration]}
 
 
@@ -347,7 +347,7 @@ def _started(folder: Path) -> int:
     """Start the process of a rig and return its process number. The process has a session of its own, so
     that neither Ctrl-C in the terminal nor the end of the terminal reaches it."""
     command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
-    with suppress(OSError):  # keep the messages of the previous process
+    with suppress(OSError):  # keeps the error output of the previous process, which helps to find its fault
         os.replace(folder / "rig.log", folder / "rig.log.before")
     log = os.open(folder / "rig.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     try:
@@ -367,13 +367,13 @@ def _started(folder: Path) -> int:
 
 
 def _last_line(log: Path) -> str:
-    """Return the last message of an ended process from its log; if there is none, the path of the log."""
+    """Return the last line that is not blank of the process's error output; if none, its path in words."""
     lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
     return next((line for line in reversed(lines) if line.strip()), f"see {log}")
 
 
 def _left(process: int) -> int | None:
-    """Return the exit code of a process that this program started; None while the process runs."""
+    """Return the exit code of a child process; None while it runs, 0 if it is unknown or no child."""
     try:
         ended, status = os.waitpid(process, os.WNOHANG)
     except ChildProcessError:
@@ -382,12 +382,12 @@ def _left(process: int) -> int | None:
 
 
 def greeted(folder: Path, name: str, within: float = 5.0) -> socket.socket | None:
-    """Return a connection to the rig process of a folder; None if no process answers `within` s."""
+    """Return an accepted connection to the rig's process of a folder; None if none answers `within` s."""
     try:
         known = read_small(folder / "rig.json") or {}
         token, port = str(known["token"]), int(known["port"])
         link = socket.create_connection(("127.0.0.1", port), timeout=within)
-    except (OSError, ValueError, LookupError, TypeError, OverflowError):  # no process, or a damaged file
+    except (OSError, ValueError, LookupError, TypeError, OverflowError):  # no process, or a damaged rig.json
         return None
     try:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -6,9 +6,9 @@
     armed      a run may start
 
 Arming is refused during a fault or without a permit. A fault or a withdrawn permit disarms. Fault and permits
-are kept in a file, so a restart clears neither; after a restart the output is disarmed. A simulated rig has
-no physical output and needs no arming, but its faults and permits work in the same way. The interlock never
-delays a stop, and a run at 0 V needs no permission.
+are kept in a file, so a restart clears neither; after a restart the output is disarmed. A damaged file counts
+as a fault. A simulated rig has no physical output and needs no arming, but its faults and permits work in the
+same way. The interlock never delays a stop, and a run at 0 V needs no permission.
 """
 
 from __future__ import annotations
@@ -28,16 +28,18 @@ from ..recording.replacing import read_small, replaced_whole
 from .capture import CaptureError
 from .protocols import RigError, StopRequested
 
-OPERATORS = "operators"  # permit of every rig; anybody may withdraw it
+OPERATORS = "operators"  # name of the permit that every rig needs; it is given at first
 FILE = "interlock.json"
-_LONGEST = 400  # characters to which a reason is shortened
+_LONGEST = 400  # greatest number of characters of a reason; the rest is cut off
 HOW_TO_ARM = "Arm it on purpose: --arm WHY on the command line, stickslip.rig.armed(WHY), or the panel"
 _HOW_TO_ACKNOWLEDGE = (
     "Look at the rig, then acknowledge the fault: stickslip interlock FILE --acknowledge WHY, "
     "stickslip.rig.interlock_of(rig).acknowledge(WHO, WHY), or the panel"
 )
 
-Log = Callable[[str, str, str, str], None]  # arguments: act ("armed"), who did it, to what, why
+# Function that is called with each act on an interlock. Its arguments are the act ("armed", "disarmed",
+# "refused", "fault", "acknowledged", "permit given", "permit withdrawn"), who acted, the object, and why.
+Log = Callable[[str, str, str, str], None]
 
 
 class InterlockError(RigError):
@@ -45,7 +47,7 @@ class InterlockError(RigError):
 
 
 class Permit(NamedTuple):
-    """State of a permit: given or withdrawn, by whom, when and why."""
+    """State of a permit: given or withdrawn, by whom, when (local time, ISO 8601) and why."""
 
     given: bool = False
     who: str = "nobody"
@@ -63,7 +65,7 @@ class Interlock:
     Args:
         path: JSON file that keeps fault and permits; by default they are kept in memory.
         required: names of the permits that the rig needs in addition to the operators' permit.
-        log: called with each act: what was done, by whom, to what, why.
+        log: called with each act, see `Log`; by default acts are not logged.
         simulated: True for a simulated rig.
     """
 
@@ -78,12 +80,13 @@ class Interlock:
         self._path, self._log = path, log
         self._lock = threading.RLock()
         self._armed = self._fault = self._since = ""
-        self._kept = {OPERATORS: Permit(True, "", "", "")}  # permits ever given or withdrawn, by name
+        # All permits that were ever given or withdrawn, by name, whether or not the rig needs them now.
+        self._kept = {OPERATORS: Permit(True, "", "", "")}
         self._required = (OPERATORS, *required)
         self._load()
 
     def require(self, names: Iterable[str]) -> None:
-        """Require these permits in addition to the operators' permit.
+        """Require these permits, and the operators' permit, from now on instead of the previous ones.
 
         A permit that nobody has given yet counts as missing.
         """
@@ -95,7 +98,10 @@ class Interlock:
         return {name: self._kept.get(name, Permit()) for name in self._required}
 
     def need(self) -> None:
-        """Raise InterlockError unless a run may start: no fault, all permits given, output armed."""
+        """Raise InterlockError unless a run may start: no fault, all permits given, output armed.
+
+        A simulated rig need not be armed. A refusal is logged.
+        """
         with self._lock:
             missing = self._missing()
             if not missing and not self._armed and not self.simulated:
@@ -106,6 +112,10 @@ class Interlock:
 
     def arm(self, who: str, why: str) -> None:
         """Enable the output.
+
+        Args:
+            who: name of the person or program.
+            why: the reason, which is logged.
 
         Raises:
             InterlockError: there is a fault, or a permit is missing.
@@ -121,14 +131,14 @@ class Interlock:
             raise InterlockError(missing)
 
     def disarm(self, who: str, why: str) -> None:
-        """Disable the output. Stopping an active run is the caller's task."""
+        """Disable the output; `who` and the reason `why` are logged. The caller must stop an active run."""
         with self._lock:
             was, self._armed = self._armed, ""
         if was:
             self._log("disarmed", who, "the output", why)
 
     def latch(self, what: str) -> None:
-        """Disarm, and keep a fault until it is acknowledged. Later faults do not replace it.
+        """Disarm, and keep a fault until `acknowledge`. Faults before that are logged, but not kept.
 
         Args:
             what: the fault, in words.
@@ -141,7 +151,11 @@ class Interlock:
         self._log("fault", "", what, "")
 
     def acknowledge(self, who: str, why: str) -> None:
-        """Clear the fault. Raises QuantityError without a reason, or if there is no fault."""
+        """Clear the fault; `who` and the reason `why` are logged. The output stays disarmed.
+
+        Raises:
+            QuantityError: no reason is given, or there is no fault.
+        """
         why = _reason(why)
         with self._lock:
             if not self._fault:
@@ -178,7 +192,7 @@ class Interlock:
 
     @classmethod
     def of_state(cls, said: Mapping[str, Any]) -> Interlock:
-        """Return an interlock in the state `said`, which the `state` of another one has returned."""
+        """Return a copy, in memory, of another interlock, from the data `said` that its `state` returned."""
         made = cls(simulated=said["simulated"])
         made._armed, made._fault, made._since = said["armed_by"], said["fault"], said["since"]
         made._required = tuple(said["permits"])
@@ -186,7 +200,12 @@ class Interlock:
         return made
 
     def state(self) -> dict[str, Any]:
-        """Return the state ("fault", "withheld", "disarmed", "armed") with its causes, as JSON data."""
+        """Return the state with its causes, as JSON data.
+
+        The keys are `state` ("fault", "withheld", "disarmed" or "armed"), `simulated`, `armed_by` (who, or
+        ""), `fault` (in words, or ""), `since` (local time of the fault, or "") and `permits` (fields of
+        `Permit` by name of the permit).
+        """
         with self._lock:
             if self._fault:
                 now = "fault"
@@ -204,7 +223,7 @@ class Interlock:
             }
 
     def _missing(self) -> str:
-        """Return, as a sentence, what forbids arming and what to do; "" if nothing forbids it."""
+        """Return the fault or the first missing permit in words, with advice; "" if arming is allowed."""
         if self._fault:
             return f"a fault of {self._since} is not acknowledged: {self._fault}. {_HOW_TO_ACKNOWLEDGE}"
         for name, one in self._permits.items():
@@ -231,7 +250,7 @@ class Interlock:
             return
         kept = {"fault": self._fault, "since": self._since}
         permits = {name: one._asdict() for name, one in self._kept.items()}
-        # A full disk must not end the process; the state is still in memory.
+        # An error of writing, such as a full disk, must not end the process: the state is still in memory.
         with suppress(OSError), replaced_whole(self._path) as temporary:
             temporary.write_text(json.dumps({**kept, "permits": permits}), encoding="utf-8")
 
@@ -244,7 +263,7 @@ def _now() -> str:
 
 
 def _reason(why: str) -> str:
-    """Return a reason as one line of at most `_LONGEST` characters. Raises QuantityError if it is empty."""
+    """Return the text of a reason as one line of at most `_LONGEST` characters; QuantityError if empty."""
     said = " ".join(str(why).split())[:_LONGEST]
     if not said:
         raise QuantityError("a reason is needed: say why, in a few words")
@@ -252,9 +271,10 @@ def _reason(why: str) -> str:
 
 
 def is_fault(failure: BaseException | None) -> bool:
-    """Return True if the error that ended a run is a fault: no requested stop and no missing trigger.
+    """Return True if the end of a run is a fault of the rig.
 
-    `failure` is None, and no fault, for a complete run.
+    `failure` is the error that ended the run, None for a complete run. Every error is a fault, except a
+    requested stop (StopRequested) and a trigger that did not come (CaptureError).
     """
     return failure is not None and not isinstance(failure, StopRequested | CaptureError)
 
@@ -264,7 +284,9 @@ _ARMED: list[str] = []  # reasons of the active `armed` contexts, innermost last
 
 @contextmanager
 def armed(why: str) -> Iterator[None]:
-    """Arm the runs that this program starts within the context. Each is armed at its start.
+    """Arm the runs that this program starts within the context.
+
+    Each run is armed at its start and disarmed at its end. Contexts can be nested.
 
     Args:
         why: the reason, for the log.
@@ -280,7 +302,7 @@ def armed(why: str) -> Iterator[None]:
 
 
 def arming() -> str:
-    """Return the reason of the innermost `armed` context; "" outside of any."""
+    """Return the reason given to the innermost active context `armed`; "" if there is none."""
     return _ARMED[-1] if _ARMED else ""
 
 
@@ -290,7 +312,8 @@ _INTERLOCKS: WeakKeyDictionary[Any, Interlock] = WeakKeyDictionary()
 def interlock_of(rig: Any) -> Any:
     """Return the interlock of a rig, or None for a simulated rig in this program, which needs none.
 
-    A `HostedRig` has the interlock of its process. Any other rig in this program has one of its own.
+    A `HostedRig` has the interlock of its process, as a `HostedInterlock`. Any other rig in this program has
+    an `Interlock` of its own in memory, which is made at the first call.
     """
     hosted = getattr(rig, "interlock", None)
     if hosted is not None:
@@ -299,20 +322,21 @@ def interlock_of(rig: Any) -> Any:
         return None
     try:
         return _INTERLOCKS.setdefault(rig, Interlock())
-    except TypeError:  # the object of a user's own rig cannot be a key of a dictionary
+    except TypeError:  # a user's own rig cannot be a dictionary key: its interlock cannot be kept
         return Interlock()
 
 
 @contextmanager
 def enabled(rig: Any, drive: bool) -> Iterator[Callable[[BaseException | None], None]]:
-    """Check the interlock for one run of a rig in this program.
+    """Check the interlock at the start of one run of a rig in this program.
 
-    The context yields a function, to be called when the run has ended, with the error that ended the run or
-    None. A fault among these errors is latched.
+    Within `armed` the output is armed for this run only. The context yields a function, which the caller
+    must call at the end of the run with the error that ended the run, or None. A RigError that is a fault
+    (`is_fault`) is then latched.
 
     Args:
         rig: a rig in this program; a rig that is supervised in its own process is not checked here.
-        drive: True if anything but 0 V is put out.
+        drive: True if anything but 0 V is put out; a run at 0 V needs no permission.
 
     Raises:
         InterlockError: the run may not start.
@@ -339,7 +363,10 @@ def enabled(rig: Any, drive: bool) -> Iterator[Callable[[BaseException | None], 
 
 
 class HostedInterlock:
-    """Client of the interlock of a rig in its own process, with the methods of `Interlock`.
+    """Client of the interlock of a rig in its own process.
+
+    Its methods are those of `Interlock` for people: `arm`, `disarm`, `acknowledge`, `permit` and `state`.
+    They raise the same errors, and RigError if the process is gone.
 
     Args:
         ask: `Link.ask` of a connection to that process.
@@ -349,21 +376,21 @@ class HostedInterlock:
         self._ask = ask
 
     def arm(self, who: str, why: str) -> None:
-        """Enable the output, at most until this connection ends."""
+        """Enable the output, for the reason `why`; the end of this connection disarms again."""
         self._ask("arm", who=who, why=why)
 
     def disarm(self, who: str, why: str) -> None:
-        """Disable the output. An active run is stopped."""
+        """Disable the output and stop an active run; `who` and the reason `why` are logged."""
         self._ask("disarm", who=who, why=why)
 
     def acknowledge(self, who: str, why: str) -> None:
-        """Clear the fault. Raises QuantityError without a reason, or if there is no fault."""
+        """Clear the fault; `who` and `why` are logged. Raises QuantityError without a reason or a fault."""
         self._ask("acknowledge", who=who, why=why)
 
     def permit(self, name: str, given: bool, who: str, why: str) -> None:
-        """Give or withdraw a permit. Withdrawing it stops an active run."""
+        """Give (`given` True) or withdraw the permit `name`. Withdrawing also stops an active run."""
         self._ask("permit", name=name, given=given, who=who, why=why)
 
     def state(self) -> Mapping[str, Any]:
-        """Return the state with its causes, as JSON data."""
+        """Return the state with its causes, as `Interlock.state`."""
         return self._ask("state")[0]["interlock"]

@@ -35,9 +35,11 @@ from ..simulation.strain import strained
 
 Array = NDArray[np.float64]
 
-_APART = 0.5e-3  # s without sliding after which the next sliding counts as a new slip
-_BUILDING = 10.0  # slip length over which the seat yields (1/e), in units of `relaxation`; assumed
-_STREAM = 3  # number of the random stream, distinct from those of `variation`
+_APART = 0.5e-3  # time without sliding, s, after which the next sliding counts as a new slip
+# Slip length over which the yield of the slider's seat approaches its final value up to a fraction 1/e, as a
+# multiple of `Irregularity.relaxation`; assumed.
+_BUILDING = 10.0
+_STREAM = 3  # number of this module's random stream; `variation` uses the numbers 1 and 2 with the same seed
 
 
 @record
@@ -64,9 +66,10 @@ class Irregularity(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """Return True if every slip follows the equations of the actuator.
+        """Return True if every slip follows the equations of the actuator, without scatter, dependence on the
+        direction, noise of the threshold, or relaxation.
 
-        End stops and temperature are not considered here.
+        Yield of end stops and temperature are not considered here.
         """
         return not (self.scatter or self.direction or self.threshold_noise or self.relaxation)
 
@@ -75,15 +78,16 @@ REGULAR = Irregularity(0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Slips:
-    """Running sum of the deviations of a real stage's slips from the slips of the model.
+    """Deviation of a real stage's position from the model's, summed over its slips, sample by sample.
 
     The position of the model plus `offset` [m] is the position of the real stage. The offset is the excess of
     all slips so far, plus the present elastic yield r of the slider's seat, which relaxes after a stop.
 
     Args:
         of: size of each kind of irregularity.
-        actuator: actuator whose contact slips.
-        seed: whole numbers that seed the random scatter.
+        actuator: actuator whose contact slips; its friction law gives the half width w (see the module), its
+            stroke per volt the length that corresponds to the noise of the threshold.
+        seed: whole numbers that seed the random scatter; the same numbers give the same slips.
 
     Raises:
         QuantityError: the actuator is rotary, and `of.relaxation` is not 0.
@@ -104,14 +108,14 @@ class Slips:
 
     @property
     def offset(self) -> float:
-        """Return the deviation of the real stage's position from the model's, m."""
+        """Return the deviation of the real stage's position from the model's, m (rad for a rotary one)."""
         return self._shift + self._seat
 
     def step(self, slid: float, seconds: float) -> float:
-        """Advance by one sample and return the offset, m.
+        """Advance by one sample and return the new `offset`, m (rad for a rotary actuator).
 
         Args:
-            slid: displacement of the end-effector relative to the stage in the model, m.
+            slid: displacement of the end-effector relative to the stage in the model, in the same unit.
             seconds: time since the previous sample, s.
         """
         at = min(max(self._slipped, slid - self._width), slid + self._width)
@@ -129,21 +133,27 @@ class Slips:
         return self.offset
 
     def follow(self, slid: Array, seconds: Array) -> Array:
-        """Advance by n samples and return the offset after each [n], m; arguments [n] as for `step`."""
+        """Advance by n samples; return the offset after each [n], m (rad for a rotary actuator).
+
+        The arguments are arrays [n] of the arguments of `step`.
+        """
         return np.array([self.step(q, dt) for q, dt in zip(slid.tolist(), seconds.tolist(), strict=True)])
 
     def _begin(self, way: int) -> None:
-        """Draw the random deviation of a new slip in the direction `way` (1 or -1)."""
+        """Draw the random length factor and threshold noise of a new slip.
+
+        `way` is the direction of the slip: 1 forward, -1 backward.
+        """
         scatter, gap = self._random.standard_normal(2)
         self._way, self._gap = way, self._gap_noise * gap
         self._factor = self._ratios[way] * max(1.0 + self._of.scatter * scatter, 0.0)
 
     def _slip(self, way: int, went: float) -> None:
-        """Add the deviation of a part of a slip, and the yield of the seat that it causes.
+        """Add the part of a slip within one sample to the deviation and to the yield of the slider's seat.
 
         Args:
-            way: direction, 1 or -1.
-            went: length of the part, m.
+            way: direction, 1 forward or -1 backward.
+            went: length of the part in the model, m (rad for a rotary actuator), positive.
         """
         lost = math.copysign(min(went, abs(self._gap)), self._gap)
         self._gap -= lost
@@ -154,19 +164,22 @@ class Slips:
 
 
 def beyond_end(before: float, raw: Array, end: float, give: float) -> Array:
-    """Return the positions [n], m, of an end-effector between end stops at -end and +end.
+    """Return the positions [n], m, of an end-effector between elastic end stops at -end and +end.
+
+    A position beyond a stop follows the exponential law of the module. An end-effector that is already
+    beyond a stop can only use the remaining yield.
 
     Args:
-        before: position before the first sample, m.
-        raw: positions that it would have without end stops [n], m.
+        before: position before the first sample, m; it may be beyond a stop.
+        raw: positions that the end-effector would have without end stops [n], m.
         end: distance of each end stop from position 0, m.
-        give: greatest elastic yield of an end stop, m.
+        give: greatest elastic yield of an end stop, m; 0 for rigid stops.
     """
     found = raw.copy()
     for side in (-1.0, 1.0):
         edge = max(side * before, end)
         pushed = np.maximum(side * raw - edge, 0.0)
-        left = give - (edge - end)  # m by which the stop can still yield
+        left = give - (edge - end)  # length by which the stop can still yield, m
         further = left * -np.expm1(-pushed / give) if give > 0.0 else 0.0 * pushed
         found = np.where(pushed > 0.0, side * (edge + further), found)
     return found

@@ -12,11 +12,11 @@ from ..quantities.units import QuantityError, with_prefix
 from .protocols import Array, Capabilities, RigError
 
 _INF = math.inf
-LONGEST_STOP = 10.0  # s, longest allowed ramp from the greatest voltage of the limits to 0 V
+LONGEST_STOP = 10.0  # longest allowed duration of a ramp from the limits' largest voltage to 0 V, s
 
 
 class LimitError(RigError):
-    """An output was refused or stopped at a limit. The message names the limit and the value."""
+    """A drive was refused, or a run was stopped, at a limit or by a safety check. The message says which."""
 
 
 @record
@@ -29,7 +29,7 @@ class Limits(NamedTuple):
     voltage changes by at most `max_slew` (T + one update) + one step. `max_duty` is the greatest fraction of
     a run in which the drive differs from 0 V by more than a hundredth of `max_voltage`.
 
-    `min_position` and `max_position` are end stops of the end-effector, relative to home, checked during a
+    `min_position` and `max_position` are end stops of the end-effector, m (rad) from home, checked during a
     run. `watchdog` is the longest time without an answer of the rig or a request of the program that runs it.
     `frozen` is the longest time in which the position may stay exactly the same while the drive moves by 10 V
     or more. A stop is a ramp to 0 V at `stop_slew`; the ramp may last 10 s at most. `heartbeat` is the
@@ -78,7 +78,7 @@ def changed_limits(before: Limits | None, after: Limits, unit: str = "") -> list
     Args:
         before: previous limits; None to return all finite limits of `after`.
         after: new limits.
-        unit: unit of positions, "m" or "rad"; "" if it is not known.
+        unit: unit of positions, "m" or "rad"; "" if unknown: positions are then shown in "m or rad".
     """
     units = {name: quantity.unit for name, quantity in quantities(Limits).items()}
 
@@ -120,7 +120,10 @@ def check_edges(limits: Limits, can: Capabilities) -> None:
 
 
 def check_drive(volts: Array, limits: Limits, can: Capabilities) -> None:
-    """Raise LimitError if a limit, or the rig, forbids a drive.
+    """Raise LimitError if the limits or the capabilities of the rig forbid a drive.
+
+    The voltages must be finite, within both voltage ranges, and not more than the rig's `max_points`. Slew
+    and duty must be within the limits, also the slew of the ramp that the rig itself adds.
 
     Args:
         volts: voltages at the piezo, one per update [n]; the output is at 0 V before the first.

@@ -14,15 +14,16 @@ from .protocols import Array
 
 
 class Order(NamedTuple):
-    """Request for a run.
+    """Request for a run, in SI units.
 
-    `inputs` are recorded for `samples` samples, `rest` of them before the drive. `volts` is the drive [n], V
-    at the piezo. `position` is the input that measures the position, or None. `keep` is the file to which the
-    program stores its samples, or None.
+    The inputs named in `inputs` are recorded for `samples` samples, `rest` of them before the drive. `volts`
+    is the drive [n], V at the piezo, one value per update. `position` is the input that measures the
+    position; with None end stops are not checked. `keep` is the path of the file in which the program stores
+    its samples; None without such a file.
 
     With a `controller` (the data of `protocols.ControllerSpec.document`) the run is a closed loop, and
-    `volts` are target positions [n], m (rad). Then `plausibility` has the thresholds for the position, by
-    default the controller's own, and `second` is another input that measures the position.
+    `volts` are target positions [n], m (rad) from home. Then `plausibility` has the thresholds for the
+    position (with None the controller's own), and `second` is another input that measures the position.
 
     `arm` is the reason for which the output is enabled for this run only; with "" it must be enabled already.
     `Limits.heartbeat` counts from the last `Supervisor.beat` if the run is `operated` by a page, else from

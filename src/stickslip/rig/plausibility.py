@@ -19,13 +19,20 @@ from ..quantities.units import with_prefix
 from .limits import LimitError, Limits
 from .protocols import Capabilities
 
-SLIDE = 1.5  # greatest slide at a change of the drive, relative to the stage motion that the change causes
-EDGE_TIME = 0.5e-3  # s, window over which the change of the drive at a slipping step is measured
+# Greatest slide of the contact at a fast change of the drive, as a multiple of the stage's own displacement
+# in that change.
+SLIDE = 1.5
+EDGE_TIME = 0.5e-3  # window, s: the fast change of the drive at a step is the change within this time
 STEPS_JUDGED = 5  # number of steps over which measured and expected displacement are compared
-STEEP = 0.2  # least fraction of a voltage change that must occur within `EDGE_TIME` for a slip
-STEP_DOUBT = 0.5  # fraction by which steps may be shorter than expected, for end stops by step count
-REACHED = 0.25  # a target counts as reached within this fraction of `Plausibility.apart`
-LEAST_WAY = 0.1  # least fraction of the expected displacement of several steps that must be measured
+# Smallest fraction of a voltage change that must occur within `EDGE_TIME`; a slower change is no step.
+STEEP = 0.2
+# Fraction by which steps may be shorter than expected. The end-stop check by step count subtracts this
+# fraction from the expected displacement until the target has been reached.
+STEP_DOUBT = 0.5
+# The target counts as reached if the position error is below this fraction of `Plausibility.apart`.
+REACHED = 0.25
+# Smallest fraction of the expected displacement of the last steps that the sensor must show.
+LEAST_WAY = 0.1
 _INNER, _DEEPEST = ("controller", "mover"), 10
 _INF = math.inf
 
@@ -34,9 +41,9 @@ _INF = math.inf
 class Plausibility(NamedTuple):
     """Thresholds beyond which a closed loop rejects the measured position and stops.
 
-    With a `gain` of 0 the actuator is unknown: then only `speed`, `at_limit` and the difference of two
-    `sensors` are checked. `control.plausibility` gives the thresholds of a model. `inf` switches a threshold
-    off.
+    All lengths are in m, or in rad for a rotary actuator. With a `gain` of 0 the actuator is unknown: then
+    only `speed`, `at_limit` and the difference of two `sensors` are checked. `control.plausibility` gives the
+    thresholds of a model. `inf` switches a threshold off.
     """
 
     gain: Annotated[float, Quantity("m/V", "C", "stroke per volt; 0 if unknown", minimum=0)] = 0.0
@@ -71,9 +78,11 @@ class Plausibility(NamedTuple):
 
 
 def plausibility_of(controller: object) -> Plausibility:
-    """Return the attribute `plausibility` of a controller, or of a controller nested in it.
+    """Return the thresholds that a controller has as its attribute `plausibility`.
 
-    If there is none, return the default thresholds, which need no model of the actuator.
+    A controller without this attribute may have a nested one, as its attribute `controller` or `mover`,
+    whose thresholds are returned. If there are none, return the default `Plausibility()`, which needs no
+    model of the actuator.
     """
     one = controller
     for _ in range(_DEEPEST):  # ends even for a controller that contains itself
@@ -85,13 +94,14 @@ def plausibility_of(controller: object) -> Plausibility:
 
 
 class Plausible:
-    """Check of the positions of one run against its drive, update by update.
+    """Check of the positions of one closed-loop run against its drive; call `sees` once per update.
 
     Args:
         policy: thresholds.
-        limits: limits of the output, and end stops, which are also checked by step count.
-        can: capabilities of the rig.
-        unit: unit of positions, m or rad.
+        limits: voltage limits of the output. Its end stops are compared with the position that results from
+            counting the steps; they are not compared with the measured position here.
+        can: capabilities of the rig: its update rate, voltage range and voltage step are used.
+        unit: unit of positions, "m" or "rad".
     """
 
     def __init__(self, policy: Plausibility, limits: Limits, can: Capabilities, unit: str) -> None:
@@ -113,32 +123,41 @@ class Plausible:
         self._last, self._u = x, u
         self._old = [u] * len(self._old)
         self._at = self._limited = self._ticks = 0
-        # Least and greatest drive in two consecutive windows, each as long as the settling time.
+        # Smallest and largest drive, V, in the present window and in the one before; each window is as long
+        # as the settling time.
         self._now = self._before = (u, u)
-        self._span = (u, u)  # least and greatest drive, V, since the last `_collapse`
+        self._span = (u, u)  # smallest and largest drive, V, since the last `_collapse`
         s = x - self._policy.gain * u
         self._low_s = self._high_s = self._mark = s
         self._falls = self._rises = 0.0
-        self._edge: float | None = None  # the drive, V, before the current fast change; None between changes
-        self._steep = 0.0  # greatest part, V, of the current fast change within `EDGE_TIME`
+        # Drive before the present fast change, V; None while the drive does not change fast.
+        self._edge: float | None = None
+        self._steep = 0.0  # largest change of the drive within `EDGE_TIME` in the present fast change, V
         self._quiet, self._slid = self._calm + 1, False
         self._expected = self._measured = self._pending = self._judged = 0.0
         self._base, self._base_u, self._base_goal, self._ahead, self._net = x, u, goal, 0.0, 0
         self._there = False
-        self._seen = (x, x), (x, x)  # least and greatest position in two consecutive windows
-        self._second: float | None = None  # m, initial difference of the second sensor from the first
+        # Smallest and largest position, m or rad, in the previous and in the present window.
+        self._seen = (x, x), (x, x)
+        # Reading of the second sensor minus that of the first at the first update, m or rad; None before.
+        self._second: float | None = None
 
     def sees(self, x: float, u: float, goal: float, second: float | None = None) -> None:
         """Check the measured position at one update.
 
+        Positions are in m, or in rad for a rotary actuator.
+
         Args:
-            x: measured position, m.
+            x: measured position.
             u: voltage that was output at the previous update, V.
-            goal: target position, m.
-            second: position measured by a second sensor, m; None without one.
+            goal: target position.
+            second: position measured by a second sensor; None without one.
 
         Raises:
-            LimitError: the position is not plausible.
+            LimitError: the position jumps, is not where the drive can have moved it, does not follow the
+                steps, or leaves a reached target; too many steps were made at a reached target; the step
+                count leads beyond an end stop; the output is at its limit for too long while the target is
+                not reached; or the two sensors disagree.
         """
         if not self._begun:
             self._begin(x, u, goal)
@@ -151,7 +170,7 @@ class Plausible:
             )
         self._last = x
         self._ticks += 1
-        if self._ticks > self._calm:  # start the next window
+        if self._ticks > self._calm:  # the window has lasted for the settling time: start the next one
             self._ticks, self._before, self._now = 1, self._now, (u, u)
             self._seen = self._seen[1], (x, x)
         self._at_limit(x, u, goal)
@@ -170,12 +189,14 @@ class Plausible:
         if fast > self._fast or fast < -self._fast:
             if self._quiet > self._calm:  # the position has settled before this change of the drive
                 self._collapse(x)
-            if self._edge is not None and fast * self._steep < 0.0:  # the change reverses
+            # A change in the other direction ends the present fast change of the drive.
+            if self._edge is not None and fast * self._steep < 0.0:
                 self._step(old - self._edge)
                 self._edge = None
             if self._edge is None:
                 self._edge, self._steep, change = old, fast, fast
-                mark, self._mark = self._mark, x - gain * old  # sticking position before this change
+                # Sliding displacement x - g u, m or rad, while the contact stuck before this change.
+                mark, self._mark = self._mark, x - gain * old
                 if self._pending:
                     self._judge(self._mark - mark)
             elif abs(fast) > abs(self._steep):
@@ -211,7 +232,10 @@ class Plausible:
             )
 
     def _collapse(self, x: float) -> None:
-        """Restart the bounds of the sliding displacement from the present, settled position `x` [m]."""
+        """Restart the bounds of the sliding displacement x - g u from the settled position `x` [m or rad].
+
+        The bounds allow for the range of the drive in the last two windows (of one settling time each).
+        """
         gain = self._policy.gain
         low, high = min(self._now[0], self._before[0]), max(self._now[1], self._before[1])
         self._low_s, self._high_s = x - gain * high, x - gain * low
@@ -219,7 +243,11 @@ class Plausible:
         self._falls = self._rises = 0.0
 
     def _step(self, change: float) -> None:
-        """Count a complete fast change of the drive by `change` [V] as a step, if it is large and steep."""
+        """Count a finished fast change of the drive by `change` [V] as a step, if it is large and steep.
+
+        Large means above `Plausibility.edge`; for steep see `STEEP`. A step changes the net number of steps
+        by one, and the expected displacement; both have the opposite sign of `change`.
+        """
         policy = self._policy
         beyond = abs(change) - policy.edge
         if beyond <= 0.0 or abs(self._steep) < STEEP * abs(change):
@@ -245,7 +273,8 @@ class Plausible:
 
     def _targeted(self, x: float, u: float, goal: float) -> None:
         """Raise LimitError if a reached, constant target is left or takes too many steps, or if the number of
-        steps leads beyond an end stop. `x` and `goal` are in m (rad), `u` is the drive in V."""
+        steps leads beyond an end stop. `x` (measured) and `goal` (target) are positions in m or rad, `u` is
+        the drive in V. A target that moves by more than the stroke at the full voltage range is a new one."""
         policy, limits = self._policy, self._limits
         if abs(goal - self._base_goal) > self._stroke:
             self._base, self._base_u, self._base_goal = x, u, goal
@@ -287,10 +316,11 @@ class Plausible:
             )
 
     def _compare(self, x: float, second: float) -> None:
-        """Raise LimitError if the second sensor is off the positions that the first has recently measured.
+        """Raise LimitError if the second sensor disagrees with the first.
 
-        The second may be beyond the first sensor's range over the last two windows (each as long as the
-        settling time) by `sensors` [m] at most. `x` and `second` are the positions now, m.
+        The second position, less its initial difference from the first, may be outside the range of the
+        first sensor's positions in the last two windows (of one settling time each) by at most
+        `Plausibility.sensors`. `x` (first sensor) and `second` are the present positions; all in m or rad.
         """
         if self._second is None:
             self._second = second - x

@@ -1,14 +1,16 @@
-"""A stop of a rig, followed from the request to the evidence that the output is at 0 V. States:
+"""Stop of a rig in another process, followed from the request to the evidence that the output is at 0 V.
+
+The states of a stop are:
 
     asked       a stop is requested
     preparing   the process was preparing a run, which will not start: the output is at 0 V
     delivered   the rig's process has answered the request
     ramping     the rig ramps to 0 V
-    ramped      the rig reports that its ramp has ended
-    measured    the amplifier's monitor, if there is one, reads 0 V
+    ramped      the rig reports that its ramp has ended; the amplifier has no monitor
+    measured    the ramp has ended, and the amplifier's monitor reads 0 V
 
-The states "asked", "delivered" and "ramping" have a deadline. If it passes, the state of the output is
-unknown: people are told to switch the amplifier off, and the stop is still tried.
+The states "asked" and "delivered" may last `ANSWERS` s, "ramping" `RAMPED` s. After that the state of the
+output is unknown: an alarm asks people to switch the amplifier off, and the stop is still tried.
 """
 
 from __future__ import annotations
@@ -23,17 +25,17 @@ from .limits import LONGEST_STOP
 from .protocols import RigError
 from .wire import receive, send
 
-ANSWERS = 1.0  # s in which the rig's process must answer and start its ramp
-RAMPED = LONGEST_STOP + 2.0  # s, longest ramp, with a margin
-_AGAIN = 0.05  # s between two requests for a stop
+ANSWERS = 1.0  # time, s, in which the rig's process must answer a request and start its ramp
+RAMPED = LONGEST_STOP + 2.0  # time, s, in which the ramp to 0 V must end: the longest ramp plus a margin
+_AGAIN = 0.05  # pause between two requests for the same stop, s
 
 
 class StopState(NamedTuple):
     """Progress of a stop.
 
     `state` is one of the module's states, and `after` the time since the request, s. `measured` is the
-    reading of the amplifier's monitor, V; None if there is none yet. `alarm` is what people must do now, such
-    as to switch the amplifier off, or "".
+    reading of the amplifier's monitor, V; None without a monitor or before the reading. `alarm` asks people
+    in words to act now, such as to switch the amplifier off; "" if nothing is wrong.
     """
 
     state: str = "asked"
@@ -45,17 +47,18 @@ class StopState(NamedTuple):
 def follow_stop(
     folder: Path, why: str, tell: Callable[[StopState], None], needed: Callable[[], bool], asked: float
 ) -> StopState:
-    """Stop a rig, and follow the stop until its process reports 0 V; return the last state.
+    """Stop a rig, wait until its process reports 0 V, and return the last state.
 
-    The request is repeated until then. The function also returns if neither process nor run exists any more.
+    The request is repeated every `_AGAIN` s until then. Without an answer of the process and without an
+    active run, the function returns too: at once with the state "asked" if the process never answered and
+    no deadline has passed, else with an `alarm`. No error is raised.
 
     Args:
         folder: folder of the process that owns the rig.
         why: reason, sent to the process.
-        tell: called with each new state.
-        needed: returns True while a run of this program is active. If none is and no process answers, there
-            is nothing to stop.
-        asked: time of the request, s of `time.perf_counter`.
+        tell: called with each new `StopState`; a change of `after` alone is not reported.
+        needed: called without arguments; returns True while a run of this program is active.
+        asked: time of the first request, s of `time.perf_counter`.
     """
     found, since = StopState(), asked
     while True:
@@ -78,16 +81,17 @@ def follow_stop(
         if found.state in ("ramped", "measured"):
             return found
         if state is None and found.alarm and not needed():
-            return found  # process and run are gone: only people can look
+            return found  # the process does not answer and no run is active: only people can look
         time.sleep(_AGAIN)
 
 
 def _tried(folder: Path, why: str) -> tuple[str | None, float | None, str]:
-    """Ask the process of a rig for a stop, once.
+    """Send one request for a stop to the process of a rig, then ask the process for its state.
 
     Returns:
-        The state (None without an answer), the monitor reading [V] (None without one), and the failure of the
-        stop in words ("" if it has not failed).
+        The state of the stop, as the module lists them (None without an answer), the reading of the
+        amplifier's monitor [V] (None without one), and the failure of the stop in words ("" if it has not
+        failed).
     """
     try:
         link = greeted(folder, "a stop", ANSWERS)

@@ -29,25 +29,26 @@ from .samples import complete, shared
 from .site import Site, refreshed
 from .turns import LoopRig
 
-ANOTHER = 3  # exit code of a process whose rig belongs to another process
-HOMING = 0.02  # s of readings at 0 V that define home
-MONITORED = 1.0  # s after the ramp within which the amplifier's monitor must read 0 V
-AT_ZERO = 0.01  # fraction of the output's range that counts as 0 V at the monitor
-_LOOKS = 0.2  # s, longest time between two checks of a run for silence
-_LOST = 1.0  # s in addition to `Limits.watchdog`, after which a call of the rig's `fetch` counts as hanging
+ANOTHER = 3  # exit code of the process `host` if another process already owns the rig
+HOMING = 0.02  # duration of the run at 0 V whose mean reading defines home, s
+MONITORED = 1.0  # time after the ramp within which the amplifier's monitor must read 0 V, s
+AT_ZERO = 0.01  # largest monitor reading that counts as 0 V, as a fraction of the output's voltage range
+_LOOKS = 0.2  # longest time between two checks of a run for a silent operator or a hanging rig, s
+_LOST = 1.0  # a call of the rig's `fetch` counts as hanging after `Limits.watchdog` plus this time, s
 
 
 class Supervisor:
-    """The only object that talks to the rig: it starts, watches and stops runs.
+    """The only object that talks to the rig: it starts, watches and stops runs, one at a time.
 
     Args:
         home: origin of positions.
-        changed: called to store `home` after a run or a change of home.
+        changed: called without arguments after a run or a change of home, to store `home`.
         log: called at the end of each run, with a line of text about the end and the ramp to 0 V.
         interlock: decides whether a run may start; by default the interlock of a simulated rig.
-        site: returns the limits and permits of the site, for each run of a rig that is not simulated.
+        site: called for each run of a rig that is not simulated; returns the site's limits and permits.
 
     Attributes:
+        rig: the open rig, which the owner of this object sets; None without one.
         phase: "idle", "preparing", "running" or "stopping".
         began: position before the drive of the run, m (rad) from home; None until it was read.
     """
@@ -65,32 +66,34 @@ class Supervisor:
         self.rig: Rig | None = None
         self.phase = "idle"
         self.began: float | None = None
-        self.ramp_after: float | None = None  # s from the request to stop to the start of the ramp
-        self.stopped: dict[str, Any] = {}  # last stop: "measured", V or None, or "failed", a text
+        self.ramp_after: float | None = None  # time from the request for a stop to its ramp, s
+        # Last stop: {"measured": monitor reading, V, or None} or {"failed": error, a text}; {} before it.
+        self.stopped: dict[str, Any] = {}
         self._news = threading.Condition()
         self._blocks: deque[Array] = deque()
-        self._sent: list[Array] = []  # blocks whose receipt the program has not confirmed
-        self._stored = 0  # number of samples whose receipt the program has confirmed
+        self._sent: list[Array] = []  # blocks sent by the last `fetch`; the next `fetch` confirms them
+        self._stored = 0  # number of samples whose receipt the client has confirmed by a later `fetch`
         self._keep: Path | None = None
-        self._kept: BinaryIO | None = None  # the file of samples `_keep`, open while it may need completion
+        self._kept: BinaryIO | None = None  # the client's file of samples, while it may need completion
         self._failure: BaseException | None = None
-        self._unsafe: BaseException | None = None  # error of a failed stop, until a client has received it
+        self._unsafe: BaseException | None = None  # error of a failed ramp to 0 V, until a client knows it
         self._stop: tuple[str, float] | None = None
         self._left = False  # True if the program that started the run is gone
         self._asked = self._alive = self._beat = 0.0
         self._limits = Limits()
-        self._wanting = False  # True while a client waits for samples
+        self._wanting = False  # True once a client waits for samples that the rig has not delivered
         self._thread: threading.Thread | None = None
-        self._loop: LoopRig | None = None  # loop of the last run, if it was closed-loop
+        self._loop: LoopRig | None = None  # closed loop of the active or last run; None if open-loop
 
     @property
     def busy(self) -> bool:
-        """Return True while a run is active."""
+        """Return True while a run is prepared, runs or is stopped."""
         return self.phase in ("preparing", "running", "stopping")
 
     def run(self, order: Order) -> None:
-        """Start a run and return immediately. Raises RigError if another run is active or no rig is open, and
-        InterlockError if the interlock forbids the run."""
+        """Start a run in a thread of its own and return immediately. Raises RigError if another run is
+        active, no rig is open or the rig allows no closed loop, InterlockError if the interlock forbids the
+        run, and LimitError if the site's limits forbid the drive."""
         if self.rig is None:
             raise RigError("no rig is open")
         with self._news:
@@ -118,8 +121,9 @@ class Supervisor:
         threading.Thread(target=self._watch, args=(rig, self._thread, order), daemon=True).start()
 
     def _sited(self, rig: Rig, order: Order) -> tuple[Rig, Order]:
-        """Return the rig with checks of the site's permits, and the order with the stricter of both limits.
-        Read the device's limits again. Leave a simulated rig alone. Raises LimitError for a refused drive."""
+        """Return the rig with checks of the site's permits, and the order with the stricter of its own and
+        the site's limits, after the device's limits were read again. A simulated rig and its order are
+        returned unchanged. Raises LimitError if the limits forbid the drive."""
         if self.interlock.simulated:
             return rig, order
         site = self._site()
@@ -137,26 +141,26 @@ class Supervisor:
         return LoopRig(cast(StreamingRig, rig), made, order.position, self.home, order.limits, *beliefs)
 
     def command(self, what: dict[str, Any]) -> None:
-        """Call the method `command` of the active loop's controller with the arguments `what`, by name. The
-        controller's refusal is raised here; RigError if no loop that takes commands is active."""
+        """Call the method `command` of the active loop's controller with the arguments `what`, by name.
+        Raises RigError if no loop that takes commands is active, or the controller's error if it refuses."""
         act = getattr(None if self._loop is None else self._loop.controller, "command", None)
         if act is None or not self.busy:
             raise RigError("no loop goes on that takes commands")
         act(**what)
 
     def beat(self) -> None:
-        """Note that the page that operates the run is alive, for `Limits.heartbeat`."""
+        """Store the time at which the operator's page of the panel reported, for `Limits.heartbeat`."""
         self._beat = time.monotonic()
 
     def said(self) -> dict[str, Any] | None:
-        """Return `LoopRig.said` of the closed loop of the active or last run; None if that is no loop."""
+        """Return statistics of the active or last run, as `LoopRig.said`; None if it is no closed loop."""
         return None if self._loop is None else self._loop.said()
 
     def stop(self, why: str, gone: bool = False) -> bool:
-        """Request the end of the run with a ramp to 0 V, and return at once: False if no run is active.
+        """Request the end of the run with a ramp to 0 V. Return True at once; False if no run is active.
 
         Args:
-            why: the reason; the reason of the first request counts.
+            why: reason for the end; later requests do not change the reason of the first.
             gone: True if the program that started the run is gone, which is a fault for the interlock.
         """
         with self._news:
@@ -172,15 +176,15 @@ class Supervisor:
         return True
 
     def join(self, most: float | None = None) -> None:
-        """Wait until the run has ended, `most` seconds at most; None is no limit."""
+        """Wait until the run has ended and the output is at 0 V, `most` s at most; None is no limit."""
         if self._thread is not None:
             self._thread.join(most)
 
     def fetch(self, wait: float) -> Array | None:
-        """Return the samples since the last call [inputs, n], or None. Wait `wait` seconds for them at most.
+        """Return the samples since the last call [inputs, n], in the inputs' units; None if none came.
 
-        Raises:
-            RigError, QuantityError, ...: the error that ended the run, once all earlier samples were fetched.
+        Samples are awaited for `wait` s at most. The call restarts the watchdog and confirms the receipt of
+        the last call's samples. Raises the error that ended the run, once all samples were fetched.
         """
         self._asked = time.monotonic()
         with self._news:
@@ -200,14 +204,14 @@ class Supervisor:
         return None
 
     def check_stopped(self) -> None:
-        """Raise the error of the last run's stop, once, unless `fetch` has raised it. A client that has all
-        samples fetches no more, but the output may have kept its voltage."""
+        """Raise the error of a failed ramp to 0 V after the last run, once, unless `fetch` has raised it. A
+        client with all samples does not fetch again, but must learn that the output may be under voltage."""
         failed, self._unsafe = self._unsafe, None
         if failed is not None:
             raise failed
 
     def complete(self) -> None:
-        """Store the samples of an ended run that its program, which is gone, has not stored."""
+        """Append samples that the client, which is gone, has not stored, to its file of samples."""
         with self._news:
             blocks, keep = [*self._sent, *self._blocks], self._keep
             self._sent, self._keep = [], None
@@ -217,14 +221,15 @@ class Supervisor:
                 complete(keep, self._stored, np.concatenate(blocks, axis=1))
 
     def leave_samples(self) -> None:
-        """Close the file of samples, so that its lock is released: nothing has to be added any more."""
+        """Close the client's file of samples, which releases its lock: the file needs no completion."""
         kept, self._kept = self._kept, None
         if kept is not None:
             kept.close()
 
     def home_here(self, position: PositionInput, limits: Limits) -> None:
-        """Make the present position home, read by the input `position` in a run of `HOMING` seconds at 0 V.
-        Raises RigError if no rig is open, a run is active, or the rig gives no reading."""
+        """Make the present position home: the mean reading of the input `position` in a run at 0 V within
+        `limits`, which lasts `HOMING` seconds. Homes of other inputs are forgotten. Raises RigError if no rig
+        is open, a run is active, or the rig gives no reading."""
         if self.rig is None:
             raise RigError("no rig is open")
         can = self.rig.capabilities
@@ -243,7 +248,7 @@ class Supervisor:
     def _run(self, rig: Rig, order: Order) -> None:
         gate = Gate(rig, order.limits, rig.capabilities, self.home)
         failure: BaseException | None = None
-        drove = False  # True if the output may have been driven
+        drove = False  # True once the output may differ from 0 V: an error is then a fault
         try:
             if isinstance(rig, LoopRig):  # the loop checks position and voltages at each update
                 rig.load(order.volts)
@@ -253,7 +258,7 @@ class Supervisor:
                 gate.arm(order.inputs, order.samples, order.position, order.rest)
             self._go_on()
             drove = not self.interlock.simulated
-            gate.start()  # a virtual rig computes before it puts out
+            gate.start()  # may take long, because a virtual rig computes the whole run here
             drove = True
             self._asked = self._alive = self._beat = time.monotonic()
             self.phase = "running"
@@ -267,7 +272,7 @@ class Supervisor:
                 gate.take(block)
                 done += block.shape[1]
                 pause = block.shape[1] / rig.capabilities.sample_rate
-                if isinstance(rig, LoopRig):  # a loop in real time sets its own pace
+                if isinstance(rig, LoopRig):  # less the time that its updates took
                     pause -= self._alive - begun
                 with self._news:
                     self._blocks.append(block)
@@ -286,7 +291,7 @@ class Supervisor:
             self.stopped = {"failed": f"the stop failed ({error}): {SWITCH_OFF}"}
             self._unsafe = error
             failure = stop_failed(error, failure)
-            self.let_go()  # some devices stop when their connection is closed
+            self.let_go()  # some devices end their output when the connection is closed
         ended = "complete" if failure is None else str(failure) or type(failure).__name__
         said = self.stopped.get("failed") or "ramped to 0 V" + (
             "" if (volts := self.stopped["measured"]) is None else f", the monitor reads {volts:.3g} V"
@@ -295,7 +300,7 @@ class Supervisor:
         self._settle(order, ended, drove and (self._left or is_fault(failure)))
         with self._news:
             self.home.origin = getattr(rig, "origin", 0.0)
-            if failure is not None:  # its frames refer to the rig and its samples (100 MB and more)
+            if failure is not None:  # its traceback would keep rig and samples in memory (100 MB and more)
                 failure.__traceback__ = None
             self._failure = failure
             with suppress(OSError):
@@ -305,12 +310,10 @@ class Supervisor:
         collect()
 
     def _settle(self, order: Order, ended: str, fault: bool) -> None:
-        """Update the interlock after a run: latch a fault, or disarm if the run was armed by itself.
+        """Update the interlock after the run `order`, which ended for the reason `ended` (words).
 
-        Args:
-            order: the request for the run.
-            ended: end of the run in words.
-            fault: True if the run ended by a fault. A failed stop always is one.
+        A failed ramp to 0 V is latched as a fault, and so is a run with `fault` True. After any other end
+        the output is disarmed if it was armed for this run only (`Order.arm`).
         """
         if "failed" in self.stopped:
             self.interlock.latch(f"{ended}; {self.stopped['failed']}")
@@ -320,14 +323,14 @@ class Supervisor:
             self.interlock.disarm("the program that runs it", "the run has ended")
 
     def _keep_pace(self, pause: float) -> None:
-        """Wait until the client asks for samples or a stop, at most `pause` s (duration of the last block). A
-        rig faster than real time would otherwise be far ahead of its client, and a stop come late."""
+        """Wait until the client requests samples or a stop, at most `pause` s (duration of the last block). A
+        rig that computes faster than real time would otherwise be far ahead of its client and stop late."""
         with self._news:
             self._news.wait_for(lambda: self._wanting or self._stop is not None, pause)
             self._wanting = False
 
     def let_go(self) -> None:
-        """Close the rig and forget it, even if closing fails."""
+        """Close the rig and set `rig` to None. Errors of closing are ignored."""
         rig, self.rig = self.rig, None
         close = getattr(rig, "close", None)
         if close is not None:
@@ -335,7 +338,8 @@ class Supervisor:
                 close()
 
     def _go_on(self) -> None:
-        """Raise StopRequested if a stop was requested, LimitError if the client is silent for too long."""
+        """Raise StopRequested if a stop was requested, and LimitError if the client of a running run has not
+        called `fetch` for `Limits.watchdog` seconds."""
         if self._stop is not None:
             raise StopRequested(self._stop[0])
         silent = time.monotonic() - self._asked
@@ -345,8 +349,9 @@ class Supervisor:
             )
 
     def _watch(self, rig: Rig, thread: threading.Thread, order: Order) -> None:
-        """Stop a run whose operator is silent, and a rig whose `fetch` hangs, from a thread other than the
-        run's `thread`."""
+        """Watch the run `order` until its `thread` has ended. If the operator is silent for
+        `Limits.heartbeat`, end the run and disarm. If the rig's `fetch` hangs (see `_LOST`), ramp to 0 V from
+        this thread."""
         allowed, who = order.limits.heartbeat, "operator's page" if order.operated else "program"
         while thread.is_alive():
             thread.join(min(_LOOKS, 0.1 * allowed))
@@ -382,7 +387,8 @@ def _monitored(rig: Rig | None) -> float | None:
 
 
 def state_of(supervisor: Supervisor, holder: str) -> dict[str, Any]:
-    """Return the state of rig and interlock for clients, as JSON data; `holder` is the client's name."""
+    """Return the answer to the request "state": `phase`, `position` (last one, m or rad from home; or None),
+    `holder` (client that holds the rig; or ""), `stopped` (last stop), `interlock` (`Interlock.state`)."""
     return {
         "phase": supervisor.phase,
         "position": supervisor.home.position,

@@ -25,13 +25,15 @@ from .protocols import Array, Capabilities, Controller, RigError, StreamingRig, 
 AT, WANTED, ASKED = "loop.position", "loop.target", "loop.asked"
 OWN = (AT, WANTED, ASKED)
 STATISTICS = ("limited_updates", "slowest_step", "mean_step", "late_updates")
-_BLOCK = 0.005  # s of updates that one `fetch` makes; a stop takes effect after it at the latest
+# Time, s, whose updates one `fetch` makes. A requested stop waits for the end of the `fetch`.
+_BLOCK = 0.005
 
 
 def looped(can: Capabilities, unit: str) -> Capabilities:
-    """Return the capabilities of a loop around a rig, with its additional inputs.
+    """Return the capabilities of a closed loop around a rig: those of the rig with three more inputs.
 
-    `can` are the capabilities of the rig, and `unit` is the unit of positions, "m" or "rad".
+    The inputs are `AT`, `WANTED` and `ASKED`. `can` are the capabilities of the rig, and `unit` is the unit
+    of positions, "m" or "rad".
     """
     return can._replace(inputs={**can.inputs, AT: unit, WANTED: unit, ASKED: "V"})
 
@@ -41,20 +43,24 @@ class LoopRig:
 
     Args:
         rig: rig that outputs one voltage, and reads its inputs, at each update.
-        controller: has `step(measured, target, tick)`. A true attribute `done` ends the run. If it has an
-            attribute `target`, that is recorded and checked instead of the loaded target.
+        controller: has `step(measured, target, tick)`, see `protocols.Controller`. A true attribute `done`
+            ends the run. An attribute `target` [m or rad] replaces the loaded target in record and checks.
         position: input that measures the controlled position.
-        home: origin of positions.
+        home: origin of positions; each update stores the present position in `home.position`.
         limits: limits of the output and the position.
-        plausibility: thresholds for the position; by default the controller's own.
-        second: another input that shows the same position, for comparison.
+        plausibility: thresholds for the position; with None the controller's own, see `plausibility_of`.
+        second: another input that measures the same position, for comparison; None without one.
 
     Attributes:
         count: number of updates so far.
         heard: time of the last answer of rig or controller, s of `time.monotonic`.
         answering: True while the controller's `step` is executed.
         begun: True once the rig has started, which may take some time.
-        ended: True when the run is over.
+        ended: True after the last requested update, or when the controller is `done`.
+
+    Raises:
+        RigError: the rig cannot be set update by update.
+        QuantityError: the controller is made for another update rate.
     """
 
     def __init__(
@@ -83,7 +89,7 @@ class LoopRig:
         self._samples = 0
         self._rows: list[list[float]] = []  # samples of all inputs, one list per update, not yet fetched
         self._failure: BaseException | None = None
-        self._left = False  # True after a stop
+        self._left = False  # True once `stop` was called
         self._given = 0.0
         self.count = 0
         self.heard = time.monotonic()
@@ -97,11 +103,11 @@ class LoopRig:
         return getattr(self.rig, "origin", 0.0)
 
     def load(self, volts: Array) -> None:
-        """Load the targets [n], m (rad), one per update. The last target stays."""
+        """Load the targets `volts` [n], m (rad) from home, one per update. The last target stays."""
         self._targets = volts.tolist()
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs, for `samples` updates at most."""
+        """Choose the inputs to record, by name, and the greatest number of updates of the run."""
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
@@ -109,7 +115,8 @@ class LoopRig:
         name, second = self._position.name, self._second
         first = (name,) if second is None or second.name == name else (name, second.name)
         own = [one for one in self._inputs if one not in OWN and one not in first]
-        read = (*first, *own)  # the position is the first reading, the second sensor the next
+        # Order of the readings: controlled position, second sensor (if another input), recorded inputs.
+        read = (*first, *own)
         self._picks = [list(OWN).index(one) - 3 if one in OWN else read.index(one) for one in self._inputs]
         self._read = read
         self._readings = self.rig.begin(read)
@@ -120,9 +127,15 @@ class LoopRig:
         self.heard, self.begun = time.monotonic(), True
 
     def fetch(self) -> Array:
-        """Make updates for 5 ms of the loop's time and return their samples [inputs, n].
+        """Make the updates of the next 5 ms of the loop and return their samples [inputs, n].
 
-        An error in an update is raised only after the samples of all earlier updates were returned.
+        Samples are in the units of the inputs; n may be less at the end of the run.
+
+        Raises:
+            LimitError: a reading, target or request is not finite; a position is beyond an end stop, constant
+                while the drive moves, or not plausible; or the controller raised an error. The error of an
+                update is raised only after the samples of all earlier updates were returned.
+            RigError: the rig does not answer as it should.
         """
         if self._failure is not None:
             raise self._failure
@@ -146,9 +159,11 @@ class LoopRig:
         self.rig.stop(slew)
 
     def said(self) -> dict[str, Any]:
-        """Return statistics of the updates (`STATISTICS`), and the content of the controller's `told()`.
+        """Return statistics of the updates, by the names in `STATISTICS`, and what the controller reports.
 
-        The result is JSON data, by name. The controller need not have a method `told`.
+        The statistics are the number of clipped requests, the longest and the mean computing time of `step`
+        [s], and the number of steps that took longer than an update. The controller reports JSON data by
+        name, by its method `told()`, if it has one.
         """
         told = getattr(self.controller, "told", None)
         mean = self._total / max(self.count, 1)
@@ -206,7 +221,10 @@ class LoopRig:
             self._readings, self._given = readings, given
 
     def _other(self, readings: list[float]) -> float:
-        """Return the calibrated position of the second sensor, m (rad), from an update's readings."""
+        """Return the calibrated position of the second sensor, m (rad), without subtracting home.
+
+        `readings` are those of an update: the position first, then the second sensor.
+        """
         assert self._second is not None
         raw = np.array(readings[1:2] if self._second.name != self._position.name else readings[:1])
         return float(calibrated(raw, self._second.calibration)[0])
@@ -218,7 +236,9 @@ class LoopRig:
 
 
 class _Guard:
-    """Checks of end stops, constant readings and requested voltages at each update.
+    """Checks at each update: end stops and constant readings (`sees`), requested voltages (`allowed`).
+
+    The constructor gets the limits, the rig's capabilities, and the unit of positions for errors.
 
     Attributes:
         limited: number of updates in which the requested voltage was clipped.
@@ -232,7 +252,8 @@ class _Guard:
         self._limits = limits
         self._patience = max(limits.frozen * can.sample_rate, 2.0)
         self._last, self._same = math.nan, 0
-        self._least = self._greatest = 0.0  # V, range of the drive since the reading last changed
+        # Smallest and largest voltage of the drive since the reading of the position last changed, V.
+        self._least = self._greatest = 0.0
         self.limited = 0
 
     def sees(self, reading: float, measured: float, given: float) -> None:
@@ -244,7 +265,8 @@ class _Guard:
             given: voltage that was output before the reading, V.
 
         Raises:
-            LimitError: the position is beyond an end stop, or constant while the drive moved.
+            LimitError: the position is beyond an end stop, or the reading was constant for `Limits.frozen`
+                while the drive moved by 10 V or more.
         """
         limits = self._limits
         for limit, sign in ((limits.min_position, -1), (limits.max_position, 1)):
@@ -263,6 +285,8 @@ class _Guard:
 
     def allowed(self, wish: float, given: float, tick: int) -> float:
         """Return the voltage to output, V: the request, clipped to the voltage range and the slew rate.
+
+        The range is the narrower one of limits and rig. A clipped request is counted in `limited`.
 
         Args:
             wish: voltage that the controller requests, V.
