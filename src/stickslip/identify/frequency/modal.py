@@ -165,7 +165,7 @@ def identify_frequency(
         starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
         fit = _fit(response, starts, delay, kind, **options)
     left = Lack("the responses", math.sqrt(fit.reduced_chi_squared), 0.0, "their deviations")
-    # With known noise, the residuals of each response are compared with its own deviations elsewhere.
+    # If the noise is known, each response is compared with its own deviations.
     doubts = [left.sentence] if left.ratio > MOST_LEFT and not noise_known and not remarks else []
     return replace(fit, doubts=(*doubts, *_unseen(fit, response, kind)), remarks=(*fit.remarks, *remarks))
 

@@ -22,22 +22,23 @@ from .timing import Lateness
 # Numbers of play operators that are tried; more than the last predicted no better on any data tested.
 PLAYS = (1, 2, 4, 6, 8, 12, 16)
 FOLDS = 6  # number of parts of each recording for cross-validation
-# A smaller model is as good as the best one if its held-out residual beyond white noise exceeds that of the
-# best one by less than the share ENOUGH. NOISE: difference of chi-squared that noise alone can cause, allowed
-# as well.
+# A smaller model is as good as the best one if its held-out rms residual beyond white noise exceeds the best
+# one's by less than the share ENOUGH. In addition, a difference of chi-squared of NOISE is allowed, because
+# noise alone can cause it.
 ENOUGH, NOISE = 0.02, 10.0
-# Longest creep, in durations of the recordings: real stacks creep for hours.
+# Longest time constant of continuing creep, in durations of the longest recording: real stacks creep for
+# hours.
 BEYOND = 10.0
-# Shortest recording that shows creep, in multiples of the start of creep.
+# Shortest recording (or rest of the drive) that shows creep, in multiples of `CREEP_BEGINS`.
 LONG_ENOUGH = 20.0
 SAMPLES_PER_PLAY = 10  # fewest samples of a recording for each fitted play
-# Largest change of a resting drive, relative to its range.
+# Largest change of a drive during a rest, relative to the range of the drive.
 STILL = 0.01
 
 
 class Shape(NamedTuple):
-    """A form of the model that is compared: with the squared voltage (`bent`), with a `skew` [1/V], and with
-    its own delay and lag of the voltage."""
+    """A form of the model to compare: `bent`, True with the squared voltage; `skew` of the plays' input
+    [1/V], 0 for none; and `late`, the delay and lag of the voltage for this form."""
 
     bent: bool
     skew: float
@@ -46,7 +47,7 @@ class Shape(NamedTuple):
 
 class Choice(NamedTuple):
     """Result of the choice: `grid` of the model's columns; `late`, delay and lag of the voltage; `score`, the
-    typical residual of the held-out parts [m]; and sentences on what was tried."""
+    typical rms residual of the held-out parts, m (see `typical`); and `remarks`, sentences on the choice."""
 
     grid: PlayGrid
     late: Lateness
@@ -68,19 +69,19 @@ def chosen(
     creep: bool | None,
     time_constants: Sequence[float] = (),
 ) -> Choice:
-    """Return the smallest set of columns that predicts about as well as the best one, among the options left
-    open.
+    """Return the smallest model that predicts held-out parts about as well as the best one.
 
     Args:
         observed: the recordings.
         shapes: forms of the model to compare.
-        operators: number of plays; None: chosen.
-        creep: include creep; None: chosen.
-        time_constants: of the creep, s; by default from 0.1 s to the length of the recordings or beyond.
+        operators: number of plays; None: the choice compares the numbers in `PLAYS`.
+        creep: True: with creep; False: without; None: the choice compares both.
+        time_constants: time constants of the creep, s; by default two per decade from 0.1 s to the length of
+            the recordings, or to `BEYOND` times this length if that fits better.
 
     Raises:
-        QuantityError: a number of plays that cannot be fitted; or creep is requested for too short
-            recordings.
+        QuantityError: the recordings do not determine the number of plays, the time constants or the
+            requested creep.
     """
     lasts, fewest = _lasts(observed), min(one.time.size for one in observed)
     long_enough = lasts >= LONG_ENOUGH * CREEP_BEGINS
@@ -89,7 +90,7 @@ def chosen(
     crept = (False, True) if creep is None and long_enough else (bool(creep),)
     tried = []
     positions = [one.position for one in observed]
-    # shapes with the square share their columns with those without it
+    # A shape with the square and one without it share all other columns, which take most of the time.
     alike = [list(some) for _, some in groupby(shapes, key=lambda one: (one.skew, one.late))]
     for n, some in product((n for n in plays if n * SAMPLES_PER_PLAY <= fewest), alike):
         bent, skew, late = some[-1]
@@ -120,8 +121,8 @@ def _lasts(observed: Sequence[Observed]) -> float:
 def _refuse_undetermined(
     observed: Sequence[Observed], operators: int | None, too_short: bool, time_constants: Sequence[float]
 ) -> None:
-    """Raise QuantityError for options that the recordings do not determine. `too_short` is True if creep is
-    requested but the recordings are too short for it."""
+    """Raise QuantityError if the recordings do not determine the number of plays `operators` (None: chosen)
+    or the `time_constants` [s], or if `too_short`: creep is requested, but the recordings do not show any."""
     lasts, fewest = _lasts(observed), min(one.time.size for one in observed)
     if operators is not None and not 1 <= operators <= fewest // SAMPLES_PER_PLAY:
         raise QuantityError(
@@ -144,7 +145,15 @@ def _refuse_undetermined(
 def _remarks(
     observed: Sequence[Observed], grid: PlayGrid, tried: int, creep: bool | None, long_enough: bool
 ) -> list[str]:
-    """Return sentences on the model that was chosen among `tried` ones, and on the limits of its creep."""
+    """Return sentences on the chosen model and on the limits of its creep.
+
+    Args:
+        observed: the recordings.
+        grid: columns of the chosen model.
+        tried: number of compared models.
+        creep: the user's choice; None: left to cross-validation.
+        long_enough: True if the recordings are long enough to show creep.
+    """
     remarks: list[str] = []
     if tried > 1:
         remarks.append(
@@ -165,8 +174,8 @@ def _remarks(
 
 
 def left_of_all(observed: Sequence[Observed], late: Lateness, grid: PlayGrid) -> tuple[float, float]:
-    """Return the standard deviation [m] of the residuals of a model fitted to all samples, and its creep per
-    decade of time.
+    """Return the standard deviation [m] of the residuals of a model fitted to all samples, and its creep (a
+    share of the position per decade of time).
 
     Args:
         observed: the recordings.
@@ -180,11 +189,11 @@ def left_of_all(observed: Sequence[Observed], late: Lateness, grid: PlayGrid) ->
 
 
 def _lasting(observed: Sequence[Observed], choice: Choice, lasts: float) -> Choice:
-    """Return the choice with creep that ends with the recordings (after `lasts` s), or that continues,
-    whichever fits better.
+    """Return the choice with creep that ends with the recordings (after `lasts` s), or with creep that lasts
+    `BEYOND` times as long, whichever has smaller residuals; a remark compares both.
 
-    Both have the same number of parameters. If continuing creep is assumed to end, it is overestimated by a
-    sixth.
+    Both have the same number of parameters. If continuing creep is assumed to end, creep is overestimated by
+    a sixth.
     """
     beyond = choice.grid._replace(times=spread(CREEP_BEGINS, BEYOND * lasts))
     tried = [
@@ -208,11 +217,11 @@ def _lasting(observed: Sequence[Observed], choice: Choice, lasts: float) -> Choi
 def _as_good(squares: NDArray[np.float64], best: NDArray[np.float64], white: float, count: int) -> bool:
     """Return True if a model predicts the held-out folds about as well as the best one.
 
-    Every model leaves white noise. If that dominates the residual, 2 % of the whole may be all of the creep;
-    so the comparison uses the residual without white noise.
+    Every model leaves white noise. If white noise dominates the residual, a difference of 2 % may be the
+    whole effect of creep; so the comparison uses the residual without white noise.
 
     Args:
-        squares, best: mean square residual of each fold, m².
+        squares, best: mean square residual of each fold with this model and with the best one, m².
         white: standard deviation of the white noise, m.
         count: number of samples of all recordings.
     """
@@ -222,7 +231,8 @@ def _as_good(squares: NDArray[np.float64], best: NDArray[np.float64], white: flo
 
 
 def _rests(one: Observed) -> bool:
-    """Return True if the drive is constant long enough to show creep."""
+    """Return True if the drive of a recording rests for at least `LONG_ENOUGH` times `CREEP_BEGINS`, which is
+    long enough to show creep."""
     size = int(LONG_ENOUGH * CREEP_BEGINS / one.time[1])
     if size > one.time.size:
         return False

@@ -24,13 +24,14 @@ from ..recorded.channels import channel
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of dead zones over the range of the drive, which approximate the square.
+# Number of dead zones, evenly spread over the range of the drive, whose sum approximates the square B.
 ZONES = 8
-# s, start of creep, as in data sheets ("per decade of time after 0.1 s").
+# Time after a step at which creep starts, s, as in data sheets ("per decade of time after 0.1 s").
 CREEP_BEGINS = 0.1
-# Smallest reversal of the drive, relative to its range.
+# Smallest motion of the drive that counts as a reversal, relative to its range.
 TURNED = 0.05
-# Largest difference between equal periods, relative to the range; and fewest samples in a period.
+# SAME: largest difference between two equal periods of a drive, relative to its range. FEWEST_IN_PERIOD:
+# fewest samples in a period.
 SAME, FEWEST_IN_PERIOD = 2e-3, 16
 
 Array = NDArray[np.float64]
@@ -39,9 +40,9 @@ Array = NDArray[np.float64]
 class Observed(NamedTuple):
     """A recording for the fit of a piezo.
 
-    Fields: `time` [n] from its first sample, s; `drive` [n], V; `position` [n], m; `rest`, voltage [V] at
-    which the piezo rested before the recording, reached from 0 V; `cycled`, True if it did not rest but had
-    been cycled with the same drive before.
+    Fields: `name` of the recording; `time` [n] from the first sample, s; `drive` [n], V; `position` [n], m;
+    `rest`, voltage [V] at which the piezo rested before the recording, reached from 0 V; `cycled`, True if
+    the same periodic drive had moved the piezo before, without a rest. `rest` is then the first voltage.
     """
 
     name: str
@@ -52,13 +53,14 @@ class Observed(NamedTuple):
     cycled: bool = False
 
     def begins_as(self, other: Observed) -> bool:
-        """Return True if both recordings have the same drive before their first sample."""
+        """Return True if both recordings assume the same drive before the first sample."""
         return (self.rest, self.cycled) == (other.rest, other.cycled)
 
     @property
     def way(self) -> Array:
-        """Return the voltages [V] at which the drive reversed before the first sample, and then the first
-        voltage."""
+        """Return the voltages [V] that the piezo passed before the first sample, each to be reached from the
+        previous one: after a rest the voltage of the rest; else the two ends of the drive's range and the
+        first voltage."""
         if not self.cycled:
             return np.array([self.rest])
         low, high = float(self.drive.min()), float(self.drive.max())
@@ -75,10 +77,11 @@ class DelayAndLag(NamedTuple):
 
 
 class PlayGrid(NamedTuple):
-    """Grid of the model's columns.
+    """Nonlinear quantities that determine the columns of the model.
 
-    Fields: `thresholds` of the plays [V]; `zones` of the square [V] and time constants of the creep [s], both
-    possibly empty; `skew` [1/V] of the plays' input, if there are zones.
+    Fields: `thresholds` of the plays [V]; `zones`, the voltages [V] at which the dead zones of the square
+    start, empty without the square; `times`, the time constants of the creep [s], empty without creep; `skew`
+    of the plays' input [1/V], 0 without zones.
     """
 
     thresholds: Array
@@ -90,10 +93,17 @@ class PlayGrid(NamedTuple):
     def over(
         cls, low: float, high: float, plays: int, bent: bool, lasts: float, skew: float = 0.0
     ) -> PlayGrid:
-        """Return the grid for drives from `low` to `high` [V] and recordings of `lasts` s; with `lasts` 0 it
-        has no creep. `plays` is the number of plays, `bent` includes the square, `skew` is in 1/V.
+        """Return the grid for drives from `low` to `high` [V].
 
-        A play wider than half the range never moves back, so its weight cannot be determined.
+        Thresholds are evenly spread from 0 to half the range: a play wider than half the range never moves
+        back, so its weight cannot be determined.
+
+        Args:
+            low, high: range of the drives, V.
+            plays: number of plays.
+            bent: True: with the square.
+            lasts: duration of the recordings, s, up to which creep has time constants; 0: no creep.
+            skew: skew of the plays' input, 1/V.
         """
         zones = low + (high - low) * np.arange(ZONES if bent else 0) / ZONES
         times = spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0)
@@ -115,7 +125,7 @@ class PlayGrid(NamedTuple):
 
     @property
     def bends(self) -> Array:
-        """Return the change of slope at each zone for a coefficient of 1, V."""
+        """Return the change of slope of B at the start of each dead zone, V, shape (zones,)."""
         return np.full(self.zones.size, 2.0 * (self.zones[1] - self.zones[0]) if self.zones.size else 0.0)
 
     @property
@@ -128,8 +138,8 @@ class PlayGrid(NamedTuple):
 class Columns(NamedTuple):
     """Columns of one recording.
 
-    Fields: `at_once` [n, k], responses of the plays and, last, of the square, if there is one; `crept` [n,
-    k], the creep of each.
+    Fields: `at_once` [n, k], the responses of the plays and, in the last column, of the square, if there is
+    one; `crept` [n, k], the creep of each column for one per decade.
     """
 
     at_once: Array
@@ -137,16 +147,16 @@ class Columns(NamedTuple):
 
 
 def observe(recording: xr.Dataset, name: str, channel_name: str, rest: float | None) -> Observed:
-    """Return the channels of a recording after checks.
+    """Return a recording for the fit, after checks of both channels.
 
     Args:
-        recording: with drive_voltage [V] and the position.
+        recording: dataset with drive_voltage [V] and the position [m].
         name: name of the recording.
         channel_name: name of the position channel.
         rest: voltage before the recording, V; by default the first voltage.
 
     Raises:
-        RecordingError: a channel is missing, not finite or constant.
+        RecordingError: a channel is missing, too short, not finite or constant.
     """
     position = channel(recording, channel_name, name, varies=True)
     drive = channel(recording, "drive_voltage", name, varies=True)
@@ -155,7 +165,8 @@ def observe(recording: xr.Dataset, name: str, channel_name: str, rest: float | N
 
 
 def turns(observed: Observed) -> bool:
-    """Return True if the drive reverses by more than a small part of its range."""
+    """Return True if the drive, from the rest before it on, both rises and falls by more than `TURNED` of the
+    larger of these motions."""
     way = np.append(observed.rest, observed.drive)
     fallen = float(np.max(np.maximum.accumulate(way) - way))
     risen = float(np.max(way - np.minimum.accumulate(way)))
@@ -173,9 +184,12 @@ def refuse_one_way(observed: Sequence[Observed]) -> None:
 
 
 def repeated(drive: Array) -> tuple[float, float, float]:
-    """Return the periodic last part of a drive [n] for `KnownNoise`: index of its first sample, samples per
-    period, and number of samples until the end of the drive. All are 0 if the drive does not repeat until its
-    end."""
+    """Return the last part of a drive [n], V, if it is periodic until the end of the drive, for `KnownNoise`.
+
+    Returns:
+        Index of the first sample of this part, samples per period, and number of samples of the part (at
+            least four periods); all 0 if there is no such part.
+    """
     none = (0.0, 0.0, 0.0)
     half = drive[drive.size // 2 :] - drive[drive.size // 2 :].mean()
     line = int(np.argmax(np.abs(np.fft.rfft(half))[1:])) + 1
@@ -192,7 +206,8 @@ def repeated(drive: Array) -> tuple[float, float, float]:
 def at_piezo(observed: Observed, timing: DelayAndLag) -> Array:
     """Return the voltage at the piezo, V, shape (n,), after delay and lag."""
     time, rest, late = observed.time, observed.rest, observed.drive
-    if observed.cycled:  # before the recording, the drive follows its first slope backwards
+    if observed.cycled:
+        # The drive before the recording is not known: its first slope is continued backwards.
         slope = float(late[1] - late[0]) / float(time[1])
         early = time - timing.delay
         late = np.where(early < 0.0, rest + slope * early, np.interp(early, time, late))
@@ -211,8 +226,8 @@ def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
 
 
 def columns(observed: Observed, timing: DelayAndLag, grid: PlayGrid) -> Columns:
-    """Return the responses of all plays and dead zones to the drive of a recording, [samples, plays], at once
-    and by creep: the columns of the linear model of a piezo."""
+    """Return the columns of the linear model for a recording: the responses of each play and of the square
+    to its drive, with the given delay and lag, and the creep of each."""
     way = observed.way
     u = np.append(way, at_piezo(observed, timing))
     plays = grid.plays

@@ -51,14 +51,14 @@ NOT_LATE = Lateness(
     ("delay and lag are taken as 0 s: what the edges of the drive show of them predicts no better",),
     Edges((), ()),
 )
-# Largest residuals of an explained recording: relative to its white noise, and to the standard deviation of
-# its positions. A straight line leaves 10 to 15 % of the latter, fits of measured stacks 1 %.
+# A recording is not explained if its rms residual exceeds MANY times its white noise and the share TOO_LITTLE
+# of the standard deviation of its positions. A straight line leaves 10 to 15 % of that, fits of stacks 1 %.
 MANY, TOO_LITTLE = 3.0, 0.05
 LATE = 0.1  # smallest relative reduction of the held-out residual by a lag that no edge of the drive shows
 MOVED = 0.01  # smallest change of the drive from its first value that is a motion, relative to its range
-# Difference step for delay and lag, in sampling intervals; number of cached delay-lag pairs.
+# DIFFERENCE: step of delay and lag for derivatives, in sampling intervals. KEPT: number of cached pairs.
 DIFFERENCE, KEPT = 0.02, 4
-SKEWED = 1e-4  # difference step of the skew, relative to the range of the drive
+SKEWED = 1e-4  # step of the skew for numerical derivatives, multiplied by the range of the drive
 
 Array = NDArray[np.float64]
 
@@ -93,11 +93,11 @@ def identify_piezo(
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
-        model: actuator for gain and piezo.
+        model: actuator whose gain and piezo are replaced in the result.
         operators: number of plays; by default chosen by cross-validation.
         asymmetric: include B(u), and possibly a; by default chosen by cross-validation.
         creep: include creep; by default chosen by cross-validation.
-        time_constants: of the creep, s, with equal shares; by default two per decade from 0.1 s on.
+        time_constants: time constants of creep, s, with equal shares; by default two per decade from 0.1 s.
         delay: delay of the voltage at the piezo, s; by default from edges.
         lag: time constant of amplifier, capacitance and sensor, s; by default from edges.
         rest_voltage: voltage before each recording, V, reached from 0 V; by default estimated.
@@ -110,9 +110,9 @@ def identify_piezo(
         actuator, or a `Piezo`. `failures` name recordings with large residuals.
 
     Raises:
-        RecordingError: a channel is missing, short, not finite, clipped, constant, or falls where the voltage
-            rises; the drive never reverses; the fit is not a piezo.
-        QuantityError: a number out of range.
+        RecordingError: a channel is missing, short, not finite, clipped, constant, noise, or falls where the
+            voltage rises; the drive never reverses; or the fitted hysteresis has no inverse.
+        QuantityError: a number is out of range, or the recordings do not determine it.
         FitError: see `fit_least_squares`.
     """
     taus = sorted(to_si(tau, "s", "time_constants") for tau in time_constants)
@@ -145,7 +145,7 @@ def identify_piezo(
     fit, remarks = _fitted(seen, choice, unit)
     if asymmetric is not False and not _only_noise(fit, seen):
         skewed = skewed_shape(seen, late, fixed=given != (None, None))
-        # a skew must not be chosen for an effect that another delay explains
+        # Without skew but with the new delay too: a skew must not be chosen for an effect of another delay.
         shapes = [skewed, *([skewed._replace(skew=0.0)] if skewed.late != late else [])]
         other = chosen(seen, shapes, operators, creep, taus)
         if other.score < (1.0 - ENOUGH) * choice.score:
@@ -183,8 +183,9 @@ def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> b
 
 
 def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, tuple[str, ...]]:
-    """Return the fit of the chosen columns, and sentences on its delay and lag. Delay and lag are fitted with
-    all values if only noise is left; otherwise model errors would bias them, and they come from edges."""
+    """Return the fit of the chosen columns, and sentences on the origin of delay and lag. These are fitted
+    with all values if only noise is left; otherwise model errors would bias them: they stay as in
+    `choice`."""
     grid, late = choice.grid, choice.late
     if late.edges.number:
         whole = fit_least_squares(_problem(seen, grid, late.timing, unit, timed=True))
@@ -227,8 +228,8 @@ def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
 
 
 def _begun(seen: Sequence[Observed], timing: DelayAndLag, assumed: float | None) -> list[Observed]:
-    """Return the recordings with their drive before the first sample, as a model without creep shows it. If
-    it shows a rest at another voltage than expected, the rest is at `assumed` [V], if given."""
+    """Return the recordings with the rest or motion before the first sample that a model without creep shows.
+    A rest at another voltage than before is replaced by a rest at `assumed` [V], if given."""
     grid, _, solution = first_model(seen, timing)
     try:
         first = prediction_of(named(solution, grid), grid, timing, seen, "")
@@ -244,7 +245,7 @@ def _begun(seen: Sequence[Observed], timing: DelayAndLag, assumed: float | None)
 
 
 def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) -> Lateness:
-    """Return delay and lag as given, or from the edges."""
+    """Return delay and lag [s] as given (one that is None is 0), or from the edges if both are None."""
     if delay is not None or lag is not None:
         given = DelayAndLag(delay or 0.0, lag or 0.0)
         if min(given) < 0.0:
@@ -256,7 +257,7 @@ def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) 
 
 
 def named(found: Solution, grid: PlayGrid) -> Values:
-    """Return the coefficients of a solution by the names of the fit's parameters."""
+    """Return coefficients by name, SI: weight_1, ..., curvature, skew, creep, offset_1, ..., and gain."""
     values = {f"weight_{i}": float(w) for i, w in enumerate(found.weights, start=1)}
     if grid.zones.size:
         values["curvature"] = found.curvature
@@ -275,7 +276,7 @@ def _problem(
     begin = named(found, grid)
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
     low, high = range_of(seen)
-    ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}  # -0.5/range: not monotonic
+    ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}  # below -0.5/range: input not monotonic
     described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
     units = {"curvature": f"{unit}/V²", "skew": "1/V", "creep": "", "delay": "s", "lag": "s"}
     reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}
@@ -303,7 +304,7 @@ def _problem(
 
 
 class _Described:
-    """Residuals of the problem and their derivatives; columns change only with delay, lag or skew."""
+    """Residuals (model minus measured) and their derivatives; columns are cached by delay, lag and skew."""
 
     def __init__(self, seen: Sequence[Observed], grid: PlayGrid, names: Sequence[str], timed: bool) -> None:
         self.seen, self.grid, self.names, self.timed = seen, grid, names, timed
@@ -321,7 +322,7 @@ class _Described:
         return self.known[*timing, skew]
 
     def shown(self, values: Values, number: int) -> Array:
-        """Return the position of recording `number` without offset, m."""
+        """Return the predicted position of recording `number` (from 0) without offset, m, shape (n,)."""
         part, x = self.parts(values)[number], np.array([values[name] for name in self.names])
         return part.at_once @ x + values.get("creep", 0.0) * (part.crept @ x)
 
@@ -334,8 +335,8 @@ class _Described:
         return of
 
     def jacobian(self, values: Values) -> Array:
-        """Return the derivatives of the residuals, shape (samples, parameters): by weights, curvature, skew,
-        creep, offsets, and delay and lag if free; zero for the gain."""
+        """Return the derivatives of all residuals, shape (samples, parameters): by weights, curvature, skew,
+        creep, offsets, and delay and lag if free; 0 in the last column, for the gain, which is tied."""
         x = np.array([values[name] for name in self.names])
         low, high = range_of(self.seen)
         rows = []
@@ -360,7 +361,7 @@ class _Described:
 
 
 def _known(observed: Observed) -> KnownNoise:
-    """Return the known noise of a recording: before the drive moves, and between repeated periods."""
+    """Return where a recording shows its noise: before the drive moves, and between repeated periods."""
     u = observed.drive
     at_rest = first_change(u, MOVED) if observed.rest == u[0] else 0
     return KnownNoise(None, at_rest, repeated(u), resolution(observed.position))

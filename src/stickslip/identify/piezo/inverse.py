@@ -13,10 +13,11 @@ from ...waveform import Sampled
 from .columns import DelayAndLag, Observed, at_piezo
 from .prediction import PiezoPrediction, warn_beyond
 
-# Distance outside the fitted drives, relative to their range, above which a drive gives a warning.
+# Distance of a computed drive outside the voltages of the fit, relative to their range, above which
+# `inverse_drive` warns.
 BEYOND = 0.02
-# Number of corrections of the inverse lag. Its slopes come from neighbouring samples, which is inaccurate at
-# corners.
+# Number of repeated corrections for delay and lag. The slopes in the inverse of the lag come from
+# neighbouring samples, which is inaccurate at corners.
 CORRECTIONS = 3
 
 Array = NDArray[np.float64]
@@ -32,27 +33,28 @@ def inverse_drive(
     """Return the drive that moves the piezo of a fit through positions, with creep, hysteresis, lag and delay
     compensated.
 
-    Hysteresis and creep are inverted exactly, sample by sample; the lag by the slope of the result, so
-    that positions should be smooth within it. `inverse_residual` estimates the error in operation: about
-    the error on unseen recordings (`verify`), plus the errors of delay and lag.
+    Hysteresis and creep are inverted exactly, sample by sample. The lag is inverted by the slope of the
+    result, so positions should be smooth over the time constant of the lag. `inverse_residual` estimates the
+    error in operation: about the error on unseen recordings (`verify`), plus the errors of delay and lag.
 
     Args:
         fit: fit of `identify_piezo`.
-        times: s, shape (n,), ascending from 0 or later.
+        times: times of the positions, s, shape (n,), ascending from 0 or later.
         positions: wanted positions, m, shape (n,), as measured in the fit's recordings: the position at 0 V
             before any drive is the mean of `fit.values["offset_1"]`, ....
-        rest_voltage: V at which the piezo rests before, reached from 0 V; by default the voltage of the first
-            position.
+        rest_voltage: voltage at which the piezo rests before the drive, V, reached from 0 V; by default the
+            voltage at which it rests at the first position.
 
     Returns:
-        Samples of voltage at the times, joined by lines.
+        Waveform of voltages [V] at the times, joined by straight lines.
 
     Raises:
         FitError: the fit is not one of `identify_piezo`.
-        QuantityError: times do not ascend, or lengths differ, or no voltage reaches a position.
+        QuantityError: times do not ascend, lengths differ, positions are not finite, or no voltage reaches a
+            position.
 
     Warns:
-        RecordingWarning: the drive leaves the voltages that the fit is from.
+        RecordingWarning: the drive leaves the range of voltages of the fitted recordings.
     """
     rest = optional_si(rest_voltage, "V", "rest_voltage")
     t, y = array_si(times, "s", "times"), array_si(positions, "m", "positions")
@@ -85,9 +87,10 @@ def inverse_drive(
 
 
 def inverse_residual(fit: Fit, drive: Sampled, positions: ArrayLike) -> float:
-    """Return the expected rms error of positions under their `inverse_drive`, m, without the level.
+    """Return the expected rms error of positions under their `inverse_drive`, m, without a constant error.
 
-    It contains the residual of the fit on its recordings, and the error of the drive by the fit's own model.
+    The error contains the rms residual of the fit on its recordings, and the difference between the wanted
+    positions and the fit's own prediction of the positions under the drive.
 
     Args:
         fit: fit of `identify_piezo`.

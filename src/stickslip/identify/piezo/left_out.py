@@ -5,9 +5,10 @@ With n parts, models :math:`m_j` and a quantity :math:`f(m)` computed from a mod
 
 .. math:: \frac{n - 1}{n} \sum_j (f(m_j) - \bar f)(f(m_j) - \bar f)^T
 
-It needs no derivatives by weights, which do not exist at zero. It includes drift of the sensor and model
-errors as far as they differ between parts. If only one part contains some information (such as the only rise
-to the greatest voltage), the covariance is too large: up to four times in a recording whose amplitude decays.
+The jackknife needs no derivatives by weights, which do not exist at zero. The covariance includes drift of
+the sensor and model errors as far as they differ between parts. If only one part contains some information
+(such as the only rise to the greatest voltage), the covariance is too large: up to four times in a recording
+whose amplitude decays.
 """
 
 from __future__ import annotations
@@ -37,9 +38,10 @@ Array = NDArray[np.float64]
 def without_parts(
     fit: Fit, recordings: xr.Dataset | Sequence[xr.Dataset], parts: int = PARTS
 ) -> list[tuple[float, Piezo]]:
-    """Return the gain [m/V] and piezo models fitted to the recordings, each without one of `parts` parts.
+    """Return `parts` pairs of gain [m/V] and piezo model, each fitted to the recordings without one part.
 
-    Thresholds, time constants, delay and lag are those of the fit.
+    Every recording is divided into `parts` equal parts; one fit leaves out the same part of each. Thresholds,
+    time constants, skew, delay and lag are those of `fit`, a fit by `identify_piezo` to these recordings.
     """
     found = recordings_of(recordings)
     known: PiezoPrediction = fit.predict.__self__  # type: ignore[union-attr]
@@ -67,8 +69,8 @@ def without_parts(
 
 
 def spread(values: Sequence[Array]) -> Array:
-    """Return a matrix D [n, parts] with D Dᵀ the jackknife covariance of the quantities [n] that the models
-    give."""
+    """Return a matrix D [n, parts] whose product D Dᵀ is the jackknife covariance of n quantities; `values`
+    are these quantities, shape (n,), computed from each of the models."""
     stacked = np.column_stack(values)
     count = stacked.shape[1]
     return np.sqrt((count - 1.0) / count) * (stacked - stacked.mean(axis=1, keepdims=True))

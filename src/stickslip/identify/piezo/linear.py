@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 from .columns import Columns, PlayGrid
 
-# Relative addition to the diagonal of the normal equations, because plays with neighbouring thresholds have
-# nearly equal columns.
+# Addition to the diagonal of the normal equations, relative to the diagonal. Plays with neighbouring
+# thresholds have nearly equal columns, and rounding errors could make the matrix indefinite.
 RIDGE = 1e-12
-PASSES = 2  # iterations for the creep, whose column depends on the weights
+PASSES = 2  # number of linear fits in succession with creep, whose column depends on the weights
 
 Array = NDArray[np.float64]
 
 
 class Solution(NamedTuple):
-    """Coefficients of the model: `weights` [m/V] of the plays, `curvature` [m/V²] or 0, `creep` per decade,
-    and `offset` [m] of each recording."""
+    """Coefficients of the model: `weights` [m/V] of the plays, `curvature` [m/V²] (0 without the square),
+    `creep` (share per decade of time), and `offsets` [m], one for each recording."""
 
     weights: Array
     curvature: float
@@ -35,18 +35,20 @@ class Solution(NamedTuple):
         return float(self.weights.sum())
 
     def coefficients(self, of: Columns) -> Array:
-        """Return the coefficients of the columns `at_once`: weights, and curvature if there is a square."""
+        """Return what multiplies the columns `at_once` of a recording: the weights and, if these columns
+        include the square, the curvature."""
         bent = of.at_once.shape[1] > self.weights.size
         return np.append(self.weights, self.curvature) if bent else self.weights
 
     def position(self, of: Columns) -> Array:
-        """Return the position without the offset, m, shape (n,)."""
+        """Return the position of the recording with these columns, without the offset, m, shape (n,)."""
         x = self.coefficients(of)
         return of.at_once @ x + self.creep * (of.crept @ x)
 
 
 class _Normal(NamedTuple):
-    """Normal equations A x = b of selected samples, and the sum of squares of their positions."""
+    """Normal equations of selected samples: the matrix `a` and right side `b` of A x = b, and `c`, the sum of
+    squares of their positions. Those of disjoint samples can be added."""
 
     a: Array
     b: Array
@@ -59,20 +61,20 @@ class _Normal(NamedTuple):
         return _Normal(self.a - other.a, self.b - other.b, self.c - other.c)
 
     def left(self, x: Array) -> float:
-        """Return the residual sum of squares of a solution x."""
+        """Return the residual sum of squares, m², of these samples for the coefficients x."""
         return max(float(x @ self.a @ x - 2.0 * self.b @ x + self.c), 0.0)
 
 
 def solve(
     parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid, kept: Sequence[NDArray[np.bool_]]
 ) -> Solution:
-    """Return the least-squares solution over the samples that are kept.
+    """Return the least-squares solution over the selected samples, with weights and creep not negative.
 
     Args:
         parts: columns of each recording.
         positions: measured positions [m] of each recording.
         grid: grid of the columns.
-        kept: mask of the used samples of each recording, [n].
+        kept: for each recording, True for the samples that are used, [n].
     """
     creeping, found = bool(grid.times.size), None
     levels = np.array([y.mean() for y in positions])
@@ -88,19 +90,20 @@ def solve(
 
 
 def solved(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid) -> Solution:
-    """Return the least-squares solution over all samples."""
+    """Return the least-squares solution over all samples; the arguments are those of `solve`."""
     return solve(parts, positions, grid, [np.ones(y.size, dtype=bool) for y in positions])
 
 
 def residuals(parts: Sequence[Columns], positions: Sequence[Array], found: Solution) -> Array:
-    """Return the residuals of a solution at all samples of all recordings, joined, m."""
+    """Return the residuals (measured minus model) of the solution `found` at all samples, m, shape (samples
+    of all recordings,)."""
     rows = zip(parts, positions, found.offsets, strict=True)
     return np.concatenate([y - found.position(c) - offset for c, y, offset in rows])
 
 
 def held_out(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid, folds: int) -> Array:
-    """Return the mean square prediction error [m²] of each fold (part) of each recording, by a fit to all
-    other folds."""
+    """Return the mean square prediction error, m², of each fold (one of `folds` equal parts of a recording)
+    by a fit to all other folds, shape (recordings times folds,)."""
     creeping = bool(grid.times.size)
     blocks = []
     for i, (c, y) in enumerate(zip(parts, [y - y.mean() for y in positions], strict=True)):
@@ -112,7 +115,7 @@ def held_out(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGri
 
 
 def typical(squares: Array) -> float:
-    """Return the root of the geometric mean of the folds' mean squares, m.
+    """Return the typical rms residual, m: the root of the geometric mean of the folds' mean squares [m²].
 
     With a geometric mean, a fold that no model explains (such as the initial curve) does not hide the others.
     """
@@ -120,11 +123,11 @@ def typical(squares: Array) -> float:
 
 
 def _design(of: Columns, before: Solution | None, creeping: bool) -> Array:
-    """Return the matrix of the linear fit: a column for each play and one for the squared voltage; with
-    `creeping` also the creep of their sum, weighted as in the solution `before`."""
+    """Return the matrix of the linear fit without offsets: a column for each play, one for the squared
+    voltage and, with `creeping`, one for the creep of their sum, weighted as in the solution `before`."""
     if not creeping:
         return of.at_once
-    # in the first pass, the creep of the voltage itself
+    # The first pass has no weights yet: the creep of the first play, whose threshold is 0, takes their place.
     crept = of.crept[:, 0] if before is None else of.crept @ before.coefficients(of) / before.gain
     return np.column_stack([of.at_once, crept])
 
@@ -140,7 +143,8 @@ def _normal(rows: Array, y: Array) -> _Normal:
 
 
 def _solved(of: _Normal, grid: PlayGrid, creeping: bool) -> Array:
-    """Return the solution x of the least squares, with the coefficients of plays and creep not negative."""
+    """Return the least-squares coefficients x of the normal equations, with those of plays and creep not
+    negative: weights [m/V], curvature [m/V²], creep times gain [m/V], offsets [m]."""
     plays, bent = grid.thresholds.size, int(grid.zones.size > 0)
     k = plays + bent + int(creeping)
     free = np.ones(of.b.size, dtype=bool)
@@ -152,7 +156,7 @@ def _solved(of: _Normal, grid: PlayGrid, creeping: bool) -> Array:
     a = a + RIDGE * np.eye(len(a))
     lower = scipy.linalg.cholesky(a, lower=True)
     right = scipy.linalg.solve_triangular(lower, b, lower=True)
-    # a free coefficient is the difference of two non-negative ones
+    # NNLS allows only non-negative coefficients, so a coefficient of any sign is the difference of two.
     doubled = np.hstack([lower.T, -lower.T[:, free]])
     x = scipy.optimize.nnls(doubled, right)[0]
     made = x[: free.size].copy()

@@ -16,22 +16,29 @@ from .columns import DelayAndLag, Observed, at_piezo, lagged, observe
 if TYPE_CHECKING:
     import xarray as xr
 
-# A rest voltage before the recording is accepted if the first position, predicted with it, differs from the
-# measured one by less than this share of the stroke.
+# Largest difference between predicted and measured first position, as a share of the stroke, at which an
+# assumed rest voltage before the recording is accepted.
 AT_REST = 0.05
-# Relative reduction of the residual that a motion before the recording must bring, compared with a rest.
+# Smallest relative reduction of the residual by which another past of the drive (a motion instead of a rest,
+# or another rest voltage) is preferred.
 CLEARLY = 0.02
-# Distance outside the fitted drives, relative to their range, above which a prediction gives a warning.
+# Distance of a drive outside the voltages of the fit, relative to their range, above which a prediction
+# warns.
 BEYOND = 0.1
-# Largest distance of a rest voltage outside the used voltages, relative to their range.
+# Largest distance of an estimated rest voltage outside the drive's range (with 0 V), relative to this range;
+# a voltage farther away is not believed.
 FAR = 0.5
 
 Array = NDArray[np.float64]
 
 
 class PiezoPrediction(NamedTuple):
-    """A fitted piezo model with its `gain` [m/V], the level `offset` [m], `delay` and `lag` [s]; `low` and
-    `high` [V] are the range of the fitted drives."""
+    """Prediction of positions by a fitted piezo model.
+
+    Fields: `piezo`, the hysteresis and creep; static `gain` [m/V]; `offset`, the sensor's reading at 0 V
+    before any drive, m; `delay` and `lag` of the voltage [s]; `low` and `high`, the range of the fitted
+    drives, V; and `observed`, the name of the position channel.
+    """
 
     piezo: Piezo
     gain: float
@@ -43,11 +50,18 @@ class PiezoPrediction(NamedTuple):
     observed: str
 
     def predict(self, recording: xr.Dataset, drive: object = None) -> Array:
-        """Return the position, m, shape (n,), under the recording's drive_voltage.
+        """Return the predicted position, m, shape (n,), under the recording's drive_voltage; `drive` is not
+        used.
 
-        Recorded positions, if any, determine what the model cannot know: the zero of the sensor, and the
-        voltage at which the piezo rested before. Otherwise the zero is that of the fit, and the piezo rested
-        at the first voltage.
+        Recorded positions, if any, determine what the model cannot know: the zero of the sensor, and the rest
+        or motion before the first sample. Otherwise the zero is `offset`, and the piezo rested at the first
+        voltage.
+
+        Raises:
+            RecordingError: a channel is missing or unsuitable.
+
+        Warns:
+            RecordingWarning: the drive leaves the range of voltages of the fit.
         """
         del drive
         name = names_of([recording])[0]
@@ -61,16 +75,13 @@ class PiezoPrediction(NamedTuple):
         return shown + float(np.mean(one.position - shown))
 
     def position(self, observed: Observed) -> Array:
-        """Return the position without the sensor's zero level, m, shape (n,)."""
+        """Return the predicted position without the sensor's zero level, m, shape (n,)."""
         u = at_piezo(observed, DelayAndLag(self.delay, self.lag))
         return self.gain * after_hysteresis(self.piezo, observed, u)
 
     def begun(self, observed: Observed) -> Observed:
-        """Return the recording with the past that its positions show: a rest, or a motion that the drive
-        continues.
-
-        A rest is preferred unless a continued motion fits clearly better.
-        """
+        """Return the recording with the fields `rest` and `cycled` that its positions show: a rest before the
+        first sample or, if that fits clearly better, a periodic motion that the drive continues."""
         rested = observed._replace(rest=self._rest_shown(observed), cycled=False)
         cycled = observed._replace(rest=float(observed.drive[0]), cycled=True)
         left = [float(np.std(one.position - self.position(one))) for one in (rested, cycled)]
@@ -78,7 +89,7 @@ class PiezoPrediction(NamedTuple):
 
     def _nearer(self, observed: Observed) -> Observed:
         """Return the recording with the rest voltage that its first position shows, if that fits clearly
-        better.
+        better than the present one; unchanged after a periodic motion.
 
         An error of a few volts would add slow creep to the whole recording.
         """
@@ -91,8 +102,9 @@ class PiezoPrediction(NamedTuple):
         return other if less < (1.0 - CLEARLY) * float(np.std(left)) else observed
 
     def _rest_shown(self, observed: Observed) -> float:
-        """Return the voltage [V] at which the piezo rested before: the assumed one or 0 V if they fit the
-        first position, else the one that does."""
+        """Return the voltage [V] at which the piezo rested before the recording: `observed.rest` or 0 V if it
+        fits the first position; else the voltage computed from this position or, if that is far outside the
+        drive's range, `observed.rest`."""
         first = 0.0
         for rest in (observed.rest, 0.0):
             shown = self.position(observed._replace(rest=rest))
@@ -106,8 +118,8 @@ class PiezoPrediction(NamedTuple):
 
 
 def warn_beyond(prediction: PiezoPrediction, drive: Array, what: str, beyond: float = BEYOND) -> None:
-    """Warn with RecordingWarning if a drive [V] leaves the fitted range of voltages by more than the share
-    `beyond`."""
+    """Warn with RecordingWarning if a drive [V] leaves the range of the fitted voltages by more than the
+    share `beyond` of this range; `what` starts the message, such as "the drive goes"."""
     low, high = prediction.low, prediction.high
     margin = beyond * (high - low)
     if drive.min() < low - margin or drive.max() > high + margin:
@@ -120,7 +132,7 @@ def warn_beyond(prediction: PiezoPrediction, drive: Array, what: str, beyond: fl
 
 
 def after_hysteresis(piezo: Piezo, observed: Observed, u: Array) -> Array:
-    """Return the output of hysteresis and creep, V, shape (n,): the position divided by the gain.
+    """Return the output of hysteresis and creep, V, shape (n,): the position, less offset, over the gain.
 
     Args:
         piezo: hysteresis and creep.

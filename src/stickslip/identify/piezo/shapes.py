@@ -18,9 +18,10 @@ from .linear import Solution, residuals, solved
 from .timing import Lateness, lateness
 
 FIRST_PLAYS = 8  # plays of the model for initial guesses of rest voltage, delay, lag and skew
-# Largest ratio of the slopes of the plays' input at the two ends of its range.
+# Largest ratio of the slopes of the plays' input at the two ends of the voltage range that the search for the
+# skew tries.
 STEEPEST = 2.5
-# Longest lag, relative to the shortest mean time between reversals.
+# Longest lag that is tried without edges, relative to the mean time between reversals of the drive.
 LONGEST = 0.1
 
 
@@ -35,7 +36,7 @@ def first_model(
         skew: skew of the plays' input, 1/V, fixed.
 
     Returns:
-        The grid of thresholds and zones, the columns of each recording, and their coefficients.
+        The grid of thresholds and zones, the columns of each recording, and the coefficients, in this order.
     """
     grid = PlayGrid.over(*range_of(seen), FIRST_PLAYS, True, 0.0, skew)
     parts = [columns(one, timing, grid) for one in seen]
@@ -43,14 +44,19 @@ def first_model(
 
 
 def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape:
-    """Return the shape with the skew that fits best. Unless `fixed`, delay and lag are found again for this
-    skew."""
+    """Return a shape with the squared voltage and the skew that fits all samples best, by `first_model`.
+
+    Args:
+        seen: the recordings.
+        late: delay and lag of the voltage, and the edges that show them.
+        fixed: True: keep delay and lag; False: fit them again to the edges, if any, with this skew.
+    """
     low, high = range_of(seen)
     positions = [one.position for one in seen]
 
     def skew(q: float) -> float:
-        """Return the skew of plays whose input is exp(q) times as steep at the greatest voltage as at the
-        least."""
+        """Return the skew [1/V] of plays whose input is exp(q) times as steep at the greatest voltage as at
+        the least."""
         return 0.5 * math.expm1(q) / (high - low)
 
     def best(timing: DelayAndLag) -> float:
@@ -75,7 +81,8 @@ def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape
 
 
 def lagging_shape(seen: Sequence[Observed], choice: Choice) -> Shape:
-    """Return the shape of a choice with the lag that fits best; used if no edge shows a lag."""
+    """Return the shape of a choice with a delay of 0 and the lag that fits all samples best, for drives
+    without edges; a remark warns that the lag may be hysteresis."""
     positions = [one.position for one in seen]
 
     def left(lag: float) -> float:
@@ -94,7 +101,8 @@ def lagging_shape(seen: Sequence[Observed], choice: Choice) -> Shape:
 
 
 def _time_of_a_way(observed: Observed) -> float:
-    """Return the mean time from low to high voltages or back, s, not counting reversals by noise."""
+    """Return the mean time of the drive from low to high voltages or back, s: from below the first quartile
+    of the voltages to above the third, so that noise makes no reversals."""
     low, high = np.quantile(observed.drive, [0.25, 0.75])
     side = np.where(observed.drive > high, 1, np.where(observed.drive < low, -1, 0))
     ways = np.count_nonzero(np.diff(side[side != 0]))

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from .columns import Columns, DelayAndLag, Observed, PlayGrid, columns
 from .linear import Solution, solve
 
-# Smallest change within one sample that is an edge, relative to the drive's range and to its usual change.
+# Smallest change of the drive from one sample to the next that is an edge: relative to the drive's range
+# (EDGE), and relative to the median change (UNUSUAL). An edge exceeds both.
 EDGE, UNUSUAL = 0.05, 8.0
 # A window of samples after an edge shows delay and lag. OVER: the edge is over when the error of a model
 # without delay and lag has fallen to this share of its maximum. LONGER: length of the window relative to the
@@ -35,8 +36,11 @@ Array = NDArray[np.float64]
 
 
 class Edges(NamedTuple):
-    """Edges of the drives: `windows`, samples (first, end) after edges; `masks` [n], True for samples outside
-    all windows."""
+    """Edges of the drives of all recordings.
+
+    Fields: `windows`, for each recording the pairs (first sample, end) of the examined windows after edges;
+    `masks`, for each recording an array [n], True for samples outside the windows of all its edges.
+    """
 
     windows: tuple[tuple[tuple[int, int], ...], ...]
     masks: tuple[NDArray[np.bool_], ...]
@@ -48,7 +52,8 @@ class Edges(NamedTuple):
 
 
 class Lateness(NamedTuple):
-    """Delay and lag (`timing`), sentences on their origin, and the `edges` that determine them."""
+    """Delay and lag of the voltage (`timing`), `remarks`, sentences on their origin, and the `edges` that
+    determine them (without windows if no edges were used)."""
 
     timing: DelayAndLag
     remarks: tuple[str, ...]
@@ -56,11 +61,13 @@ class Lateness(NamedTuple):
 
 
 def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
-    """Return the edges of all drives.
+    """Return the edges of all drives, with a window of samples after each that shows delay and lag.
+
+    An edge is left out if the next one follows too soon for a window.
 
     Args:
         observed: the recordings.
-        still: position [n] by a model without delay and lag, m, offset included.
+        still: for each recording, the position by a model without delay and lag, m, offset included, [n].
     """
     windows, masks = [], []
     for one, shown in zip(observed, still, strict=True):
@@ -85,8 +92,10 @@ def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
 
 
 def _until(left: Array, first: int, end: int) -> int:
-    """Return the index after the last sample of an edge's window, which lasts until the error of a model
-    without lag is no larger than elsewhere, and somewhat longer.
+    """Return the index after the last sample of an edge's window.
+
+    The window lasts `LONGER` times until the error of a model without lag falls to the median error or to the
+    share `OVER` of its maximum after the edge, within the limits `FEWEST`, `MOST` and `AFTER`.
 
     Args:
         left: absolute error of that model at each sample, m.
@@ -103,8 +112,14 @@ def _until(left: Array, first: int, end: int) -> int:
 def lateness(
     observed: Sequence[Observed], grid: PlayGrid, edges: Edges, near: DelayAndLag | None = None
 ) -> Lateness:
-    """Return the delay and lag that fit best after the edges, with a model of the columns in `grid` that is
-    fitted to the other samples. The search starts at `near`, if given. Without edges both are 0 s."""
+    """Return the delay and lag that fit best after the edges; without edges both are 0 s.
+
+    Args:
+        observed: the recordings.
+        grid: columns of the model, whose coefficients are fitted to the samples outside the windows.
+        edges: edges with their windows.
+        near: initial guess; None: the best of several guesses.
+    """
     if not edges.number:
         said = (
             "the drive has no edges: a lag of the voltage cannot be told from hysteresis, and is taken as 0 s"
@@ -123,7 +138,8 @@ def lateness(
     step = float(np.median(np.diff(observed[0].time)))
     lengths = [end - first for windows in edges.windows for first, end in windows]
     lasts = float(np.median(lengths)) * step
-    # the residual has a local minimum for every sample at which the edge may be
+    # The sum of squares has a local minimum for every sample at which the edge may be, so several delays are
+    # tried.
     starts = [np.array([d * step, share * lasts]) for d in DELAYS for share in LAGS]
     start = min(starts, key=square) if near is None else np.array(near)
     simplex = start + np.array([[0.0, 0.0], [0.3 * step, 0.0], [0.0, 0.3 * start[1]]])
@@ -145,8 +161,8 @@ def lateness(
 
 
 def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution, edges: Edges) -> Array:
-    """Return the residuals [m] of the samples in the windows after all edges, joined. The mean of each window
-    is subtracted, because earlier creep is not a lag.
+    """Return the residuals (model minus measured), m, of the samples in the windows after all edges, joined.
+    The mean of each window is subtracted, because creep from before an edge is not a lag.
 
     Args:
         parts: columns of each recording.
@@ -164,10 +180,10 @@ def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution,
 
 
 def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> DelayAndLag:
-    """Return the linearised standard errors of delay and lag; NaN if they cannot be determined.
+    """Return the linearised standard errors of delay and lag, s; NaN if they cannot be determined.
 
     Args:
-        misfit: function from delay and lag [s] to residuals [m].
+        misfit: function from an array of delay and lag [s] to residuals [m], shape (n,).
         best: delay and lag with the smallest residuals, s.
         step: sampling interval, s.
     """
