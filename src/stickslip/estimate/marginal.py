@@ -31,17 +31,22 @@ from .result import Fit
 
 Array = NDArray[np.float64]
 
-POINTS = 10  # number of values over the range of the undetermined parameter, at which it is fixed
+# Number of values, over the range of the undetermined parameter, at which the parameter is fixed.
+POINTS = 10
 # ENOUGH_SHARING: smallest effective number of points that share the weight; with fewer, points are added
-# between them. REFINEMENTS: number of such additions after which the parameter counts as determined.
+# between them. REFINEMENTS: number of such additions after which the data count as determining the parameter.
 ENOUGH_SHARING, REFINEMENTS = 2.0, 3
-# Points are ignored whose log weight is smaller than that of the best point by more than this.
+# Difference of log weight to the best point beyond which a point has negligible weight.
 NEGLIGIBLE = 5.0
 
 
 class Held(NamedTuple):
-    """A fit with one value fixed. Fields: coordinate of the fixed value, coordinates of the others [k], their
-    covariance [k, k], and the log weight, up to a constant."""
+    """Fit with one value fixed.
+
+    Fields: `at`, coordinate of the fixed value; `others`, coordinates of the other parameters [k];
+    `covariance` of these coordinates [k, k]; `log_weight`, natural logarithm of the fit's weight, up to a
+    constant.
+    """
 
     at: float
     others: Array
@@ -50,8 +55,8 @@ class Held(NamedTuple):
 
 
 class WeightedPoints(NamedTuple):
-    """Weighted average over fits: mean and covariance of all coordinates, the fixed one last; and the
-    effective number of points."""
+    """Weighted average over fits: `mean` [k + 1] and `covariance` [k + 1, k + 1] of all coordinates, the
+    fixed one last; and `sharing`, the effective number of fits that share the weight."""
 
     mean: Array
     covariance: Array
@@ -59,16 +64,17 @@ class WeightedPoints(NamedTuple):
 
 
 def points(parameter: Parameter) -> Array:
-    """Return the coordinates at which a value is fixed, the greatest first; they are closer together towards
-    a bound of zero."""
+    """Return the coordinates at which a parameter's value is fixed, the greatest first, shape (POINTS,):
+    equally spaced over the search range on a logarithmic scale, otherwise denser towards the lower bound."""
     low, high = parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)
     share = np.linspace(1.0, 0.0, POINTS)
     return low + (high - low) * (share if parameter.log else share**2)
 
 
 def mixture(fits: Sequence[Held]) -> WeightedPoints:
-    """Return the weighted average over fits that are in the order of their fixed coordinates. A weight is the
-    exponential of the log weight times the distance between neighbouring fixed coordinates."""
+    """Return the weighted average over fits (`Held`) that are in the order of their fixed coordinates. The
+    weight of a fit is the exponential of its log weight times the distance between the neighbouring fixed
+    coordinates."""
     at = np.array([fit.at for fit in fits])
     widths = np.abs(np.gradient(at)) if at.size > 1 else np.ones(1)
     widths[[0, -1]] *= 0.5
@@ -82,22 +88,25 @@ def mixture(fits: Sequence[Held]) -> WeightedPoints:
     return WeightedPoints(mean, covariance, float(1.0 / np.sum(weights**2)))
 
 
-# Function that fits the other parameters, given the fixed value and their initial guess; see `integrated`.
+# Type of the function that fits the other parameters, given the fixed value and their initial guess; see
+# `integrated`.
 Hold = Callable[[float, Values], tuple[Fit, Fit]]
 
 
 def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
-    """Return the fit averaged over all plausible values of one parameter, the others fitted to each.
+    """Return the fit averaged over all plausible values of one parameter, with the others fitted to each
+    value.
 
     Args:
         fit: fit of all values, with white or coloured noise.
         name: name of the weakly determined parameter.
-        hold: function that fits the others, given the fixed value and their initial guess. It returns the fit
-            with the uncertainty from the noise, and the fit that includes the uncertainty of known values.
+        hold: function that fits the other parameters, given the value at which this parameter is fixed and an
+            initial guess of the others by name. It returns two fits: one whose uncertainty comes from the
+            noise alone, and one whose uncertainty includes that of known quantities.
 
     Returns:
-        The fit without its Jacobian; or, if the data do determine the value, the initial guess for a
-        search of all parameters.
+        The averaged fit, without a Jacobian; or, if the data do determine the value, the values by name of
+        the best point: an initial guess for a search of all parameters.
     """
     place = [p.name for p in fit.parameters].index(name)
     p, others = fit.parameters[place], [q for q in fit.parameters if q.name != name]
@@ -114,7 +123,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         return values_at([p, *others], np.append(best.at, best.others))
     value = p.value(float(found.mean[-1]))
     alone, _ = hold(value, values_at(others, found.mean[:-1]))
-    # The mixture has the fixed coordinate last, the fit at `place`.
+    # The average has the fixed coordinate last; the parameters of the fit have it at the index `place`.
     order, none = np.insert(np.arange(len(others)), place, len(others)), np.zeros(len(others) + 1)
     return replace(
         alone,
@@ -129,7 +138,8 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
             np.array([q.coordinate(alone.values.get(q.name, value)) for q in fit.parameters]),
         ),
         degrees_of_freedom=fit.degrees_of_freedom,
-        log_likelihood=path.log_likelihood,  # information criteria compare models at their minima
+        # The likelihood at the minimum, because information criteria compare models there.
+        log_likelihood=path.log_likelihood,
         n_evaluations=fit.n_evaluations + path.evaluations + alone.n_evaluations,
         message=f"{alone.message}; {name}, which is hardly determined, at its mean over all that fits",
         starts=fit.starts,
@@ -140,7 +150,8 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
 
 
 class _Path:
-    """Fits with one value fixed at points across its range, from one bound to the other."""
+    """Fits with one value fixed, at points across its range from one bound to the other. The methods add to
+    `found`: the best fit (`Held`) by the coordinate of the fixed value."""
 
     def __init__(self, fit: Fit, place: int, others: Sequence[Parameter], hold: Hold) -> None:
         self.parameter, self.others, self.hold = fit.parameters[place], others, hold
@@ -160,7 +171,7 @@ class _Path:
 
         Args:
             at: coordinate of the fixed value.
-            begin: initial guess of the coordinates of the others, predicted from a neighbouring fit.
+            begin: initial guess of the coordinates of the others [k], predicted from a neighbouring fit.
             beside: coordinate of the fixed value in that neighbouring fit; NaN for the first fit.
 
         Returns:
@@ -182,7 +193,8 @@ class _Path:
         return one.log_weight > max(f.log_weight for f in self.found.values()) - NEGLIGIBLE
 
     def outwards(self) -> None:
-        """Fit at points from the estimate outwards on either side, as far as the fits have weight."""
+        """Fit at the points, from the one next to the estimate outwards on either side, until a fit has
+        negligible weight or fails."""
         at = points(self.parameter)
         middle = int(np.argmin(np.abs(at - self.middle)))
         first = self.add(
@@ -201,8 +213,8 @@ class _Path:
                 last, slope = one, self.secant(last, one)
 
     def mend(self) -> None:
-        """Repeat fits without weight from a neighbour with weight, because they may be in another local
-        minimum."""
+        """Repeat fits with negligible weight, starting from a neighbouring fit with weight, because they may
+        be in another local minimum."""
         pairs = [(a, b) for one in itertools.pairwise(self.fits()) for a, b in (one, one[::-1])]
         for one, other in pairs:
             if self.counts(one) and not self.counts(other) and (other.at, one.at) not in self.tried:
@@ -210,7 +222,7 @@ class _Path:
                 return self.mend()
 
     def refine(self) -> None:
-        """Fit half-way between neighbouring points if one of them has weight."""
+        """Add a fit half-way between each two neighbouring points of which one has weight."""
         fits = self.fits()
         for one, other in itertools.pairwise(fits):
             if self.counts(one) or self.counts(other):
@@ -219,11 +231,11 @@ class _Path:
 
     def ahead(self, begin: tuple[float, Array], slope: Array, here: float) -> Array:
         """Return the initial guess of the others' coordinates [k] at another fixed value, by linear
-        extrapolation in the search variables.
+        extrapolation in the search variables (see `Parameter.to_search`).
 
         Args:
-            begin: coordinate of the fixed value, and coordinates of the others, of a known fit.
-            slope: derivatives of the others by the fixed value, both as search variables, shape (k,).
+            begin: tuple of a known fit: coordinate of the fixed value, coordinates of the others [k].
+            slope: derivatives of the others by the fixed value, all as search variables, shape (k,).
             here: coordinate of the other fixed value.
         """
         at, others = begin
@@ -244,8 +256,8 @@ class _Path:
         return np.array([q.to_search(x) for q, x in zip(self.others, others, strict=True)])
 
     def _tangent(self, fit: Fit, place: int) -> Array:
-        """Return the derivatives of the others by the value to be fixed (number `place`), both as search
-        variables, along the minimum at the estimate, shape (k,)."""
+        """Return the derivatives of the others by the value that will be fixed (index `place`), all as search
+        variables, along the minimum through the estimate, shape (k,)."""
         at = [p.to_search(p.coordinate(fit.values[p.name])) for p in fit.parameters]
         slopes = [p.search_slope(x) for p, x in zip(fit.parameters, at, strict=True)]
         whole = tangent(fit) * slopes
@@ -256,7 +268,7 @@ class _Path:
 
 
 def values_at(parameters: Sequence[Parameter], coordinates: Array) -> Values:
-    """Return the values at the coordinates, cut at their bounds."""
+    """Return the values by name at the coordinates [k] of the parameters, cut at their bounds."""
     return {
         p.name: min(max(p.value(float(q)), p.lower), p.upper)
         for p, q in zip(parameters, coordinates, strict=True)
@@ -264,7 +276,7 @@ def values_at(parameters: Sequence[Parameter], coordinates: Array) -> Values:
 
 
 def _held(at: float, alone: Fit, whole: Fit, variance: float) -> Held:
-    # A coordinate at its bound contributes neither to the volume nor to the covariance.
+    # Parameters at a bound contribute neither to the volume nor to the covariance.
     free = np.flatnonzero(alone.uncertainty.bounded == 0)
     inside = np.ix_(free, free)
     ranges = np.array([p.coordinate(p.upper) - p.coordinate(p.lower) for p in alone.parameters])[free]
@@ -277,7 +289,8 @@ def _held(at: float, alone: Fit, whole: Fit, variance: float) -> Held:
 
 
 def _bounded(covariance: Array, ranges: Array) -> Array:
-    """Return a covariance [k, k] reduced so that it is not wider than the bounds. It is combined with the
-    variance of a flat distribution over the `ranges` [k] of the coordinates between their bounds."""
-    flat = np.diag(12.0 / ranges**2)  # the variance of a flat distribution is a twelfth of its range squared
+    """Return a covariance [k, k] reduced so that it is not wider than the bounds, by combination with the
+    variance of a uniform distribution over the `ranges` [k] (upper minus lower bound of each coordinate)."""
+    # The variance of a uniform distribution is a twelfth of its squared range.
+    flat = np.diag(12.0 / ranges**2)
     return np.asarray(np.linalg.inv(np.linalg.inv(covariance) + flat), dtype=np.float64)

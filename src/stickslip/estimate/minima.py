@@ -12,21 +12,22 @@ from .covariance import Uncertainty
 from .parameter import Parameter, Values
 from .quantiles import chi_squared
 
-# Two minima differ if a coordinate differs by more than this number of standard errors.
+# Two minima are different if a coordinate differs by more than this number of standard errors.
 APART = 1.0
-LEVEL = 0.95  # a minimum is rejected if its excess of chi-squared is beyond this quantile
+# Confidence level at which a minimum is rejected: its excess of chi-squared is beyond this quantile.
+LEVEL = 0.95
 
 
 class Minimum(NamedTuple):
     """Another minimum that the data do not reject.
 
     Attributes:
-        values: values at the minimum, in SI.
-        uncertainty: uncertainty of the coordinates there.
-        excess: chi-squared above the lowest minimum, in variances of the noise.
-        whole: True if the fit's intervals include the whole interval about this minimum, as if it were the
-            lowest: for one of many minima, of which the lowest is so by chance. If False, they include a part
-            of it that shrinks with the excess.
+        values: values at the minimum, in SI, by name.
+        uncertainty: `Uncertainty` of the coordinates q there.
+        excess: chi-squared above that of the lowest minimum, in variances of the noise.
+        whole: True if the fit's intervals include the whole interval about this minimum, because only chance
+            decides which of many minima is lowest. False: they include a part of it that shrinks with the
+            excess.
     """
 
     values: dict[str, float]
@@ -37,22 +38,29 @@ class Minimum(NamedTuple):
 
 def bound(n_parameters: int, level: float = LEVEL) -> float:
     """Return the excess of chi-squared above which a minimum is rejected, for this number of parameters and
-    this confidence level."""
+    this confidence level (0 to 1)."""
     return chi_squared(level, n_parameters)
 
 
 def still_fits(excess: float, n_parameters: int) -> bool:
-    """Return True if a minimum with that excess of chi-squared fits as well as the lowest."""
+    """Return True if a minimum with this excess of chi-squared (in variances of the noise) fits as well as
+    the lowest, so that the data do not reject it."""
     return excess <= bound(n_parameters)
 
 
 def relabelled(
     one: Minimum, parameters: Sequence[Parameter], like: Values, groups: Sequence[Sequence[str]]
 ) -> Minimum:
-    """Return a minimum with its exchangeable groups of parameters (such as alike elements) in the order
-    closest to `like`; unchanged if that order would violate bounds.
+    """Return a minimum with its exchangeable groups of parameters (such as identical elements) in the order
+    closest to the values `like`; unchanged if that order would violate bounds.
 
-    A sum of alike elements has each minimum once for every order of the elements.
+    A sum of identical elements has each minimum once for every order of the elements.
+
+    Args:
+        one: the minimum.
+        parameters: parameters in the order of the minimum's uncertainty.
+        like: values by name, such as the estimate.
+        groups: names of the parameters of each element, in the same order in all groups.
     """
     place = {p.name: i for i, p in enumerate(parameters)}
 

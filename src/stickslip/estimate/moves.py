@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 
 def noise_of_data(fit: Fit) -> Array:
-    """Return the noise with which each datum was weighted, shape (n,), in the unit of the data; 1 if the
-    level was not given."""
+    """Return the noise (standard deviation) by which each residual was divided, shape (n,), in the unit of
+    the data; 1 if the fit has no given noise."""
     levels = fit.noise or [1.0] * len(fit.residuals)
     return np.concatenate(
         [np.broadcast_to(level, r.shape) for level, r in zip(levels, fit.residuals, strict=True)]
@@ -29,8 +29,8 @@ def noise_of_data(fit: Fit) -> Array:
 
 
 def of_priors(fit: Fit) -> Array:
-    """Return the derivatives of the deviations from priors, in standard deviations, by the searched q, shape
-    (priors, k)."""
+    """Return the derivatives of (q - prior mean) / (prior standard deviation) by the searched coordinates q,
+    one row for each prior, shape (priors, k)."""
     known = [(i, p.expected[1]) for i, p in enumerate(fit.parameters) if p.prior is not None]
     rows = np.zeros((len(known), len(fit.parameters)))
     for row, (place, deviation) in zip(rows, known, strict=True):
@@ -39,22 +39,22 @@ def of_priors(fit: Fit) -> Array:
 
 
 def tangent(fit: Fit) -> Array:
-    """Return the derivatives of all weighted residuals, then of the priors, by the searched q, shape (n +
-    priors, k)."""
+    """Return the derivatives of all weighted residuals, then of the deviations from priors, by the searched
+    coordinates q, shape (n + priors, k)."""
     assert fit.jacobian is not None
     of_data = fit.jacobian / noise_of_data(fit)[:, None]
     return np.concatenate([of_data, of_priors(fit)[:, : of_data.shape[1]]])
 
 
 def over_noise(fit: Fit, columns: Array) -> Array:
-    """Return derivatives [n, m] of the residuals by known quantities, weighted and with zero rows for the
-    priors, as rows of `tangent`."""
+    """Return derivatives `columns` [n, m] of the residuals by known quantities, divided by the noise of the
+    data and with rows of zeros for the priors, shape (n + priors, m); the rows correspond to `tangent`."""
     none = np.zeros((len(of_priors(fit)), columns.shape[1]))
     return np.concatenate([columns / noise_of_data(fit)[:, None], none])
 
 
 def moves(fit: Fit, columns: Array) -> Array:
-    """Return the derivatives of the searched q by known quantities, shape (k, m); columns as for
-    `over_noise`."""
+    """Return the derivatives of the estimated coordinates q by known quantities, shape (k, m), given the
+    derivatives `columns` [n, m] of the residuals (in the unit of the data) by these quantities."""
     directions, root, _ = decomposed(tangent(fit))
     return -root @ (directions.T @ over_noise(fit, columns))

@@ -7,21 +7,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# Distance from both neighbours, in standard deviations of the noise, that no sample of Gaussian noise has.
+# Smallest distance of a spike from both neighbours, in standard deviations of the noise; no sample of
+# Gaussian noise has this distance.
 FAR = 8.0
-# Largest share of samples that are spikes; more are noise with long tails, or model error.
+# Largest share of samples that count as spikes; more are noise with long tails, or model error.
 MOST = 0.01
-# Ratio of the standard deviation to the median size of Gaussian noise.
+# Ratio of the standard deviation to the median magnitude of Gaussian noise.
 TO_DEVIATION = 1.4826
 
 
 def spikes(residuals: NDArray[np.float64], step: float = 0.0) -> NDArray[np.intp]:
-    """Return the indices of spikes: residuals [n] that differ from both neighbours by far more than the
-    noise; empty if there are too many.
+    """Return the indices of spikes: residuals [n] that are above both neighbours, or below both, by far more
+    than the noise; empty if there are too many.
 
     Args:
-        residuals: at equal intervals.
-        step: converter step in the unit of the residuals; its error is noise too.
+        residuals: residuals of one recording, at equal intervals.
+        step: converter step in the unit of the residuals, the smallest noise that is assumed.
     """
     nowhere = np.zeros(0, dtype=np.intp)
     if residuals.size < 3:

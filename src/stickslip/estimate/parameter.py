@@ -13,27 +13,31 @@ from ..quantities.units import QuantityError
 
 Values = dict[str, float]
 
-# First search range of a parameter: this factor below and above its initial guess.
+# First search range of a parameter: from its initial guess divided by this factor to its initial guess times
+# this factor.
 REACH = 30.0
-# Relative rounding error of the logarithm of value plus shift, which limits values near 0.
+# Smallest value, relative to the shift, that is distinguished from 0: the rounding error of the logarithm of
+# value plus shift.
 ROUNDING = 1e-12
 
 
 @record
 class Parameter(NamedTuple):
-    """A parameter to fit: initial value (`start`) and bounds in its SI unit.
+    """A parameter to fit: initial value (`start`), bounds `lower` and `upper`, all in its SI `unit`.
 
-    `log` fits its logarithm: for positive parameters of unknown order of magnitude. False keeps the value
-    linear in all fits, as for an offset. With `log`, a `lower` of 0 means no lower bound. `square` fits its
-    square, for parameters that act by their square and may be 0. With `log`, a search may go along the value
-    (`power` 1) or its inverse (-1): if the data are closer to linear in that, the minimum is less curved.
+    With `log` (the default), the logarithm is fitted: for positive parameters of unknown order of magnitude.
+    A `lower` of 0 then means no lower bound. False keeps the value linear in all fits, as for an offset.
+    `square` fits the square, for parameters that act by their square and may be 0. With `log`, a search may
+    use the value (`power` 1) or its inverse (-1) as variable: if the data are closer to linear in that, the
+    minimum is less curved.
 
-    `prior` is independent knowledge: value and standard deviation, in its unit. In the coordinate
-    that is fitted it is a normal distribution of this width.
+    `prior` is independent knowledge: value and standard deviation, in the unit. In the coordinate that is
+    fitted, the prior is a normal distribution of the corresponding width.
 
-    With `limits` (those of the law), `lower` and `upper` are only the first search range. A search that ends
-    at one of them continues beyond it, and no interval ends there. With `log` and a `shift`, the logarithm of
-    value plus shift is fitted: logarithmic over decades, and linear towards 0, which is included.
+    With `limits` (lower and upper, of the law), `lower` and `upper` are only the first search range. A search
+    that ends at one of them continues beyond it, and no interval ends there. With `log` and a `shift`, the
+    logarithm of value plus shift is fitted: logarithmic over decades, and linear towards 0, which is
+    included.
 
     A `fixed` parameter keeps its initial value; a `tied` one is an expression of others (see `tied`) without
     start and bounds: ``Parameter("coulomb_force", unit="N", tied="0.8 * stiction_force")``.
@@ -80,7 +84,8 @@ class Parameter(NamedTuple):
             )
 
     def _check_beside(self) -> None:
-        """Raise QuantityError unless the settings allow the parameter to be fixed, or tied."""
+        """Raise QuantityError for a fixed or tied parameter that is both, has a prior, is fixed at a number
+        that is not finite, or is tied and has bounds."""
         if self.fixed and self.tied:
             raise QuantityError(f"{self.name} is fixed, and tied to {self.tied!r}: it can be one of both")
         if self.prior is not None:
@@ -95,24 +100,29 @@ class Parameter(NamedTuple):
 
     @property
     def least(self) -> float:
-        """Return the least value that an interval may contain."""
+        """Return the least value, in the unit, that an interval may contain: the law's limit if there is one,
+        otherwise the lower bound."""
         return self.lower if self.limits is None else self.limits[0]
 
     @property
     def most(self) -> float:
-        """Return the greatest value that an interval may contain."""
+        """Return the greatest value, in the unit, that an interval may contain: the law's limit if there is
+        one, otherwise the upper bound."""
         return self.upper if self.limits is None else self.limits[1]
 
     def starting_at(self, value: float) -> Parameter:
-        """Return the parameter with another initial value, cut at its bounds. A mere search range is extended
-        to contain it."""
+        """Return the parameter with another initial value, cut at its limits or bounds. If the bounds are
+        only a search range, they are extended to contain the value."""
         start = min(max(value, self.least), self.most)
         return self._replace(start=start, lower=min(self.lower, start), upper=max(self.upper, start))
 
     def widened(self, side: int) -> Parameter:
-        """Return the parameter with its lower (-1) or upper (+1) end of the search range moved outwards, by a
-        factor `REACH` or, on a linear scale, by the width of the range; the parameter itself if that end is a
-        limit."""
+        """Return the parameter with its lower (-1) or upper (+1) end of the search range moved outwards: by
+        the factor `REACH` on a logarithmic scale, otherwise by the width of the range, at most to the law's
+        limit.
+
+        A parameter without `limits`, or with that end at its limit, is returned unchanged.
+        """
         if self.limits is None:
             return self
         span = self.upper - self.lower
@@ -135,17 +145,19 @@ class Parameter(NamedTuple):
         return self.coordinate(value), deviation / self.slope(value)
 
     def prior_cost(self, q: float) -> float:
-        """Return the prior's part of the weighted sum of squares at the coordinate q; 0 without a prior."""
+        """Return the prior's part of the weighted sum of squares at the coordinate q: the squared distance
+        from the mean in standard deviations; 0 without a prior."""
         mean, spread = (0.0, math.inf) if self.prior is None else self.expected
         return ((q - mean) / spread) ** 2
 
     @property
     def state(self) -> str:
-        """Return the state in brackets, fixed or tied; empty for a free parameter."""
+        """Return "(fixed)" or "(tied: EXPRESSION)"; "" for a free parameter."""
         return "(fixed)" if self.fixed else f"(tied: {self.tied})" if self.tied else ""
 
     def coordinate(self, value: float) -> float:
-        """Return the search coordinate q of a physical value, such as its logarithm."""
+        """Return the coordinate q in which a physical value (in the unit) is fitted: its logarithm, its
+        square, or itself."""
         if self.square:
             return float(value) ** 2
         if not self.log:
@@ -153,7 +165,7 @@ class Parameter(NamedTuple):
         return math.log(value + self.shift) if value + self.shift > 0 else -math.inf
 
     def value(self, coordinate: float) -> float:
-        """Return the physical value at the coordinate q."""
+        """Return the physical value, in the unit, at the coordinate q."""
         if self.square:
             return math.sqrt(max(coordinate, 0.0))
         if not self.log:
@@ -162,31 +174,33 @@ class Parameter(NamedTuple):
         return value if not self.shift or value > ROUNDING * self.shift else 0.0
 
     def values(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the physical values at coordinates [n]."""
+        """Return the physical values, in the unit, at coordinates q [n]."""
         if self.log:
             return np.maximum(np.exp(coordinates) - self.shift, 0.0)
         return np.sqrt(np.maximum(coordinates, 0.0)) if self.square else coordinates
 
     def slope(self, value: float) -> float:
-        """Return the derivative of the physical value by the coordinate q, at the value."""
+        """Return the derivative of the physical value by the coordinate q, at this physical value."""
         if self.square:
             return 0.5 / value if value > 0 else math.inf
         return value + self.shift if self.log else 1.0
 
     def to_search(self, coordinate: float) -> float:
-        """Return the search variable at the coordinate q; with a `power`, relative to the start."""
+        """Return the variable of the optimiser at the coordinate q: with a `power`, the value divided by the
+        start, to this power; otherwise q."""
         begin = self.start + self.shift
         return math.exp(self.power * (coordinate - math.log(begin))) if self.power else coordinate
 
     def from_search(self, at: float) -> float:
-        """Return the coordinate q of a search variable: the inverse of `to_search`."""
+        """Return the coordinate q for a variable `at` of the optimiser: the inverse of `to_search`."""
         if not self.power:
             return at
         begin = math.log(self.start + self.shift)
         return begin + math.log(at) / self.power if at > 0 else -self.power * math.inf
 
     def search_slope(self, at: float) -> float:
-        """Return the derivative of the coordinate q by the search variable of `to_search`."""
+        """Return the derivative of the coordinate q by the variable of the optimiser, where this variable is
+        `at`; see `to_search`."""
         return 1.0 / (self.power * at) if self.power else 1.0
 
     def shown(self, value: float, digits: int = 6) -> str:

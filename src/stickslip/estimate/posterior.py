@@ -28,11 +28,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
-# Function from search points [n, k] to log densities [n] and the corresponding sampled values.
+# Function from search points [n, k] to natural log densities [n] and the coordinates q of all parameters [n,
+# parameters] there.
 Density = Callable[[Array], tuple[Array, Array]]
 
 LEVEL = 0.95
-CHAINS, ROUND = 4, 256  # number of chains; largest number of proposals that are evaluated together
+# CHAINS: number of chains. ROUND: largest number of proposals that are evaluated together.
+CHAINS, ROUND = 4, 256
 # FORGOTTEN: share of each chain that is discarded at its start. ROOM: after its first round, a mixture is
 # fitted again only if simulations for at least this number of rounds remain.
 FORGOTTEN, ROOM = 0.1, 8
@@ -50,12 +52,16 @@ class Posterior:
     """Samples of a posterior distribution, their summary and their convergence.
 
     Attributes:
-        samples: dataset over "chain" and "draw" with a variable for each parameter, SI, and `log_posterior`.
-        summary: over "parameter": mean, sd, low and high (of the 95 % interval of highest density), r_hat
-            (rank-normalised), ess and ess_tail (effective number of samples, in the bulk and in the tails).
+        samples: dataset over "chain" and "draw" with a variable for each parameter, SI, and `log_posterior`
+            (natural logarithm, up to a constant).
+        summary: dataset over "parameter": mean, sd, low and high (of the 95 % interval of highest density),
+            r_hat (rank-normalised), ess and ess_tail (effective number of samples, in the bulk and in the
+            tails).
         converged: True if, for every parameter, R-hat is below 1.01 and both effective numbers are above 400,
-            and the weights of the proposals are not heavy-tailed; `message` gives the reason.
-        acceptance: share of accepted proposals.
+            and the weights of the proposals are not heavy-tailed; after `sample_tempered`, if R-hat is below
+            1.1.
+        message: the result of this test with its numbers, in words.
+        acceptance: share of accepted proposals; after `sample_tempered`, of the last random walk.
     """
 
     samples: xr.Dataset
@@ -65,7 +71,8 @@ class Posterior:
     acceptance: float
 
     def to_arviz(self) -> Any:
-        """Return `arviz.InferenceData`, for its plots and statistics."""
+        """Return the samples as `arviz.InferenceData`, for arviz's plots and statistics. Raises FitError
+        without arviz."""
         parts = {
             "posterior": self.samples.drop_vars("log_posterior"),
             "sample_stats": self.samples[["log_posterior"]].rename(log_posterior="lp"),
@@ -75,7 +82,7 @@ class Posterior:
     _repr_html_ = preformatted
 
     def report(self) -> str:
-        """Return the summary as a text table, and whether the sampling has converged."""
+        """Return the summary as a text table, followed by the message on convergence."""
         head = f"{'parameter':20}{'mean':>12}{'sd':>11}   {'95 % interval of highest density':34}"
         lines = [f"{head}{'R-hat':>6}{'ESS':>7}"]
         for name in self.summary["parameter"].values:
@@ -91,8 +98,8 @@ class _Draws(NamedTuple):
 
     Attributes:
         points: search points [n, k].
-        log_weights: logarithm of posterior density over proposal density [n].
-        log_densities: logarithm of the posterior density [n], up to a constant.
+        log_weights: natural logarithm of posterior density over proposal density [n], up to a constant.
+        log_densities: natural logarithm of the posterior density [n], up to the same constant.
         shown: coordinates q of all parameters [n, parameters].
     """
 
@@ -116,17 +123,19 @@ def sample(
     """Return samples of a posterior density, by adaptive importance sampling and then chains.
 
     Args:
-        log_density: function from points to their log densities, up to a constant, and the coordinates q of
-            all parameters.
-        parameters: parameters of the samples.
-        begin: first mixture.
-        ties: tied values, added to the samples.
+        log_density: function from points [n, k] to their natural log densities [n], up to a constant, and the
+            coordinates q of all parameters [n, parameters].
+        parameters: parameters of the samples, in the order of these coordinates.
+        begin: mixture from which the first proposals are drawn.
         max_simulations: largest number of points at which the density is computed.
+        ties: relation of tied parameters to the others; the tied ones are added to the samples.
         seed: seed of the random numbers.
-        progress: called after each round.
+        progress: called after each round as ``progress(doing, done)``, with the share `done` of
+            `max_simulations`.
 
     Raises:
-        FitError: the density is zero at all points of the first rounds.
+        FitError: arviz is not installed, the density is zero at all points of the first rounds, or a chain
+            has fewer than four draws.
     """
     arviz, random = _arviz(), np.random.default_rng(seed)
 
@@ -159,8 +168,14 @@ def sample(
 
 
 def _fitted(mixtures: Sequence[Mixture], rounds: Sequence[_Draws]) -> Mixture:
-    """Return the last mixture, fitted again to the points of all rounds. They are weighted as points of the
-    combined mixture, so a weight that is too large in one mixture is corrected by the others."""
+    """Return the last mixture, fitted again to the points of all rounds.
+
+    The points are weighted as if drawn from all mixtures together, so that a mixture with too little density
+    at a point is corrected by the others. Weights on too few points are flattened.
+
+    Raises:
+        FitError: the density is zero at all points.
+    """
     points = np.concatenate([r.points for r in rounds])
     densities = np.concatenate([r.log_densities for r in rounds])
     points, densities = points[np.isfinite(densities)], densities[np.isfinite(densities)]
@@ -178,8 +193,8 @@ def _fitted(mixtures: Sequence[Mixture], rounds: Sequence[_Draws]) -> Mixture:
 
 
 def _effective(log_weights: Array) -> float:
-    """Return the effective number of points with these log weights [n]: the number of equally weighted points
-    with the same information."""
+    """Return the effective number of points with these natural log weights [n]: the number of equally
+    weighted points with the same information."""
     if not np.any(np.isfinite(log_weights)):
         return 0.0
     weights = np.exp(log_weights - np.max(log_weights))
@@ -189,9 +204,12 @@ def _effective(log_weights: Array) -> float:
 def _described(
     rounds: Sequence[_Draws], parameters: Sequence[Parameter], ties: Ties, arviz: Any, seed: int, done: int
 ) -> Posterior:
-    """Return the posterior by independence Metropolis chains over the proposals of all rounds so far. A chain
-    accepts the next proposal with the ratio of its weight to that of the present one. `done` is the number of
-    simulations so far."""
+    """Return the posterior from independence Metropolis chains over the proposals of all given rounds.
+
+    A chain accepts the next proposal with the ratio of its weight to that of the present one. `arviz` is the
+    module, `seed` the seed of the acceptance, and `done` the number of simulations so far, which the samples
+    record.
+    """
     import xarray as xr
 
     weights = np.concatenate([r.log_weights.reshape(CHAINS, -1) for r in rounds], axis=1)
@@ -201,7 +219,8 @@ def _described(
     log_chance = np.log(np.random.default_rng(seed).random(weights.shape))
     at, path = np.zeros(CHAINS, int), np.zeros(weights.shape, int)
     for i in range(1, weights.shape[1]):
-        with np.errstate(invalid="ignore"):  # -inf minus -inf is NaN: the chain keeps its point
+        # The difference of two log weights of -inf is NaN: the chain then keeps its point.
+        with np.errstate(invalid="ignore"):
             at = np.where(log_chance[:, i] < weights[:, i] - weights[chains, at], i, at)
         path[:, i] = at
     accepted = float(np.mean(path == np.arange(weights.shape[1])))
@@ -214,7 +233,8 @@ def _described(
     samples = xr.Dataset(columns, attrs={"simulations": done})
     summary = summary_of(samples.drop_vars("log_posterior"))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # warnings of arviz for few samples
+        # arviz warns of few samples, which the message on convergence reports too.
+        warnings.simplefilter("ignore")
         heavy = float(arviz.psislw(weights[np.isfinite(weights)])[1])
     worst, least = float(summary["r_hat"].max()), float(summary[["ess", "ess_tail"]].to_array().min())
     converged = worst < R_HAT and least > ENOUGH and heavy < HEAVY
@@ -230,8 +250,14 @@ def _described(
 
 
 def summary_of(samples: xr.Dataset) -> xr.Dataset:
-    """Return mean, sd, low and high (of the 95 % interval of highest density), r_hat, ess and ess_tail of
-    each variable of a dataset over "chain" and "draw", as a dataset over "parameter"."""
+    """Return the statistics of each variable of a dataset over "chain" and "draw", as a dataset over
+    "parameter".
+
+    They are mean, sd, low and high (of the 95 % interval of highest density), r_hat, ess and ess_tail.
+
+    Raises:
+        FitError: a chain has fewer than four draws, or arviz is not installed.
+    """
     import xarray as xr
 
     arviz = _arviz()
@@ -255,7 +281,8 @@ def summary_of(samples: xr.Dataset) -> xr.Dataset:
 def _arviz() -> Any:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # a daily notice of arviz on a future version
+            # arviz announces a future version in a warning once a day.
+            warnings.simplefilter("ignore", FutureWarning)
             import arviz
     except ImportError as error:
         raise FitError('a posterior needs arviz: pip install "stickslip[bayes]"') from error

@@ -28,19 +28,20 @@ class FitError(ValueError):
 
 
 class Residuals(NamedTuple):
-    """One recording to be described.
+    """One recording to be described by a model.
 
     Attributes:
-        function: from the values of all parameters to model minus measured, shape (n,), in the unit of the
-            data. It may raise ValueError or ArithmeticError, or return NaN, where the model cannot be
-            computed.
-        measured: measured values, shape (n,); only r^2 needs them.
+        function: function from the values of all parameters, by name, to model minus measured, shape (n,), in
+            the unit of the data. It may raise ValueError or ArithmeticError, or return NaN, where the model
+            cannot be computed.
+        measured: measured values, shape (n,), for r^2 and for the detection of clock jitter and instrument
+            faults.
         noise: standard deviation of the noise, in the unit of the data: one number or shape (n,). None for
             all recordings: equal in all of them.
         name: name of the recording in reports.
         unit: unit of the data.
         known: noise of the recording known independently; its `given` is taken from `noise`.
-        time: times of the data, s, shape (n,); only figures need them.
+        time: times of the data, s, shape (n,), for figures and for the detection of jitter and faults.
     """
 
     function: Callable[[Values], ArrayLike]
@@ -56,15 +57,16 @@ class Problem:
     """Weighted residuals as a function of the coordinates q; counts evaluations and keeps the best.
 
     Args:
-        recordings: recordings to describe; a bare function is a single recording.
+        recordings: recordings to describe; a bare function is the `function` of a single recording.
         parameters: initial value, bounds, unit and scale of each. Residual functions also get the values of
             fixed and tied ones; the attribute `parameters` contains only the searched ones.
-        jacobian: function for the derivatives of all residuals, joined, by the values of all parameters
-            except the fixed ones, shape (n, k); by default differences are used.
-        noise_known: take the noise of the recordings as it is. By default only its ratios are trusted, and
-            its level is estimated from the residuals.
-        correlated: allow for residuals correlated in time when computing the uncertainty: model error nearly
-            always is. It needs recordings much longer than the correlation time.
+        jacobian: function from the values of all parameters, by name, to the derivatives of all residuals,
+            joined, by the values of all parameters except the fixed ones, shape (n, k); by default
+            differences are used.
+        noise_known: True to take the noise of the recordings as it is. By default only the ratios are
+            trusted, and the level is estimated from the residuals.
+        correlated: True if the uncertainty must allow for residuals correlated in time, as model error nearly
+            always is. The recordings must then be much longer than the correlation time.
         loss: "linear", "soft_l1", "huber", "cauchy" or "arctan", as in SciPy.
         loss_scale: weighted residual above which a robust loss reduces its influence: in standard deviations
             if the noise is given, otherwise in the unit of the data.
@@ -72,12 +74,14 @@ class Problem:
             adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
         n_eliminated: number of further parameters that the residual functions fit inside (see `separable`).
         exchangeable: groups of parameter names that may change places without changing the model, such as the
-            parameters of each of several alike elements. Minima in other orders of the groups are the same.
+            parameters of each of several identical elements. Minima in other orders of the groups are the
+            same.
         completed: function from a fit to the fit with the eliminated parameters.
 
     Raises:
-        FitError: the residuals cannot be computed at the initial guess, there are fewer data than parameters,
-            or the statements on the noise contradict each other.
+        FitError: the residuals cannot be computed at the initial guess, there are not more data than
+            parameters, no parameter is free, two have the same name, a loss is unknown, or the statements on
+            the noise contradict each other (a prior needs known noise).
     """
 
     def __init__(
@@ -110,8 +114,9 @@ class Problem:
         span = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 1.0)
         self.typical = np.where(self.start != 0, np.abs(self.start), span)
         self.evaluations = 0
-        self.budget: EvaluationBudget | None = None  # shared by searches of the same recordings
-        self.after: Callable[[], None] = lambda: None  # called after each evaluation
+        # budget that all searches of the same recordings share; None: no limit
+        self.budget: EvaluationBudget | None = None
+        self.after: Callable[[], None] = lambda: None  # function called after each evaluation of the model
         self.last: tuple[bytes, np.ndarray] = (b"", np.empty(0))
         self.best_cost, self.best = math.inf, self.start
         try:
@@ -130,7 +135,8 @@ class Problem:
         )
         if not np.all(self.noise > 0):
             raise FitError("the noise of a recording must be > 0 everywhere")
-        # Brings residuals of any unit to order 1, for which the optimiser's tolerances are made.
+        # Norm of the weighted residuals at the initial guess. Division by this norm brings residuals of any
+        # unit to order 1, for which the optimiser's tolerances are made.
         self.scale = float(np.linalg.norm(np.concatenate(parts) / self.noise)) or 1.0
         n_parameters = len(parameters) + n_eliminated
         self.degrees_of_freedom = self.noise.size - n_parameters
@@ -146,7 +152,8 @@ class Problem:
 
     @property
     def given(self) -> tuple[float | np.ndarray, ...]:
-        """Return the noise of each recording; empty if none is given."""
+        """Return the noise (standard deviation) of each recording, a number or an array [n], in the unit of
+        the data; empty if none is given."""
         found = [np.asarray(r.noise, dtype=float) for r in self.recordings if r.noise is not None]
         return tuple(noise if noise.ndim else float(noise) for noise in found)
 
@@ -159,15 +166,16 @@ class Problem:
             raise FitError(f"there is no loss {self.loss!r}; there are {', '.join(LOSSES)}")
 
     def widen(self, place: int, side: int) -> bool:
-        """Move one end of a parameter's search range outwards, for all later searches; return False if it is
-        at its limit."""
+        """Move one end (-1: lower, 1: upper) of the search range of the parameter with the index `place`
+        outwards, for all later searches; return False if the end is at its limit."""
         p = self.parameters[place]
         wider = p.widened(side)
         self._set_ends(place, wider)
         return wider != p
 
     def begin_at(self, values: Values) -> np.ndarray:
-        """Return the coordinates of values to start from; search ranges are extended to contain them."""
+        """Return the coordinates q [k] of an initial guess, values by name; search ranges are extended to
+        contain the values, and values beyond a limit are cut."""
         for place, p in enumerate(self.parameters):
             held = p.starting_at(values[p.name])
             self._set_ends(place, p._replace(lower=held.lower, upper=held.upper))
@@ -181,25 +189,31 @@ class Problem:
             self.lower[place], self.upper[place] = p.coordinate(p.lower), p.coordinate(p.upper)
 
     def values(self, q: np.ndarray) -> Values:
-        """Return the values of all parameters at the coordinates q, the searched ones first."""
-        # Rounding of the logarithm must not exceed the bounds.
+        """Return the values of all parameters, by name, at the coordinates q [k], the searched ones first."""
+        # Values are cut at their bounds, which the rounding of the logarithm could exceed.
         return self.ties(
             {p.name: min(max(p.value(x), p.lower), p.upper) for p, x in zip(self.parameters, q, strict=True)}
         )
 
     def to_search(self, q: np.ndarray) -> np.ndarray:
-        """Return the search variables at the coordinates q, see `Parameter.to_search`."""
+        """Return the variables of the optimiser at the coordinates q [k]; see `Parameter.to_search`."""
         return np.array([p.to_search(x) for p, x in zip(self.parameters, q, strict=True)])
 
     def from_search(self, at: np.ndarray) -> np.ndarray:
-        """Return the coordinates q of search variables, see `Parameter.from_search`."""
+        """Return the coordinates q for variables `at` [k] of the optimiser; see `Parameter.from_search`."""
         return np.array([p.from_search(x) for p, x in zip(self.parameters, at, strict=True)])
 
     def shown(self, q: np.ndarray) -> str:
         return ", ".join(f"{p.name} = {p.shown(p.value(x))}" for p, x in zip(self.parameters, q, strict=True))
 
     def raw(self, q: np.ndarray) -> list[np.ndarray]:
-        """Return the residuals of each recording at the coordinates q, in the unit of its data."""
+        """Return the residuals (model minus measured) of each recording at the coordinates q [k], as a list
+        of arrays in the unit of the data.
+
+        Raises:
+            ArithmeticError: a tied value is not finite.
+            TypeError: a residual function returns another shape than (n,).
+        """
         values = self.values(q)
         for p in self.ties.beside:
             if not math.isfinite(values[p.name]):
@@ -211,13 +225,13 @@ class Problem:
         return parts
 
     def residuals(self, q: np.ndarray) -> np.ndarray:
-        """Return the weighted and scaled residuals at the coordinates q, those of the priors last; NaN where
-        the model fails (the optimiser then shortens its step)."""
+        """Return the weighted residuals at the coordinates q [k], divided by `scale`, those of the priors
+        last, shape (n + priors,); NaN where the model fails, so that the optimiser shortens its step."""
         key = q.tobytes()
         if key == self.last[0]:
             return self.last[1]
         self.evaluations += 1
-        # trial points may have absurd values
+        # At the optimiser's trial points, parameters may have absurd values.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             try:
                 r = np.concatenate(self.raw(q)) / (self.noise * self.scale)
@@ -234,26 +248,33 @@ class Problem:
         return r
 
     def slope(self, q: np.ndarray, two_sided: bool = True) -> np.ndarray:
-        """Return the derivatives of the weighted residuals by q, shape (n + priors, k)."""
+        """Return the derivatives of `residuals` by the coordinates q [k], shape (n + priors, k): from the
+        given `jacobian`, if there is one and it is finite, otherwise from differences on one or two sides."""
         if self.jacobian is None:
             return self.differences(q, two_sided)
         of_data = self.by_coordinates(self.values(q)) / (self.noise * self.scale)[:, None]
-        if not np.all(np.isfinite(of_data)):  # the model can be computed there, its derivatives cannot
+        # Where the model can be computed but its derivatives cannot, use differences.
+        if not np.all(np.isfinite(of_data)):
             return self.differences(q, two_sided)
         if not self._known.size:
             return of_data
         return np.concatenate([of_data, np.eye(len(q))[self._known] / (self._spread * self.scale)[:, None]])
 
     def by_coordinates(self, values: Values) -> np.ndarray:
-        """Return the derivatives of the residuals by q, shape (n, k), in the unit of the data, from the given
-        `jacobian`."""
+        """Return the derivatives of the residuals by the searched coordinates q, in the unit of the data,
+        shape (n, k), from the given `jacobian`."""
         assert self.jacobian is not None
         slopes = [p.slope(values[p.name]) for p in self.parameters]
         return self.ties.total(self.jacobian(values), values) * slopes
 
     def differences(self, q: np.ndarray, central: bool) -> np.ndarray:
-        """Return numerical derivatives of the residuals by q, shape (n, k); one-sided next to a bound and
-        where the model fails on one side."""
+        """Return numerical derivatives of `residuals` by the coordinates q [k], shape (n + priors, k).
+
+        They are two-sided if `central`, except next to a bound or where the model fails on one side.
+
+        Raises:
+            FitError: the model fails on both sides.
+        """
         r = self.residuals(q)
         columns = []
         for i, p in enumerate(self.parameters):

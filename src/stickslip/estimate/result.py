@@ -1,7 +1,8 @@
 """Result of a fit: values, uncertainty, and parameters that the data did not determine.
 
-Every parameter is fitted in a coordinate q: its logarithm (``log=True``, for positive parameters) or itself.
-Uncertainty is linearised in q, so the interval of a log-scaled parameter is asymmetric and stays positive.
+Every parameter is fitted in a coordinate q: its logarithm (``log=True``, for positive parameters), its
+square, or itself. Uncertainty is linearised in q, so the interval of a log-scaled parameter is asymmetric and
+stays positive.
 """
 
 from __future__ import annotations
@@ -43,29 +44,31 @@ class Fit:
 
     Attributes:
         parameters: searched parameters.
-        values: estimates in SI of the searched parameters and of those in `beside`.
-        uncertainty: uncertainty of the coordinates q.
+        values: estimates in SI of the searched parameters and of those in `beside`, by name.
+        uncertainty: `Uncertainty` of the coordinates q.
         recordings: goodness of fit of each recording.
         degrees_of_freedom: number of data and priors minus number of parameters.
         reduced_chi_squared: weighted sum of squares divided by the degrees of freedom; about 1 if the noise
             was given and the model is right.
-        log_likelihood: for Gaussian noise; NaN with a robust loss.
+        log_likelihood: natural logarithm of the likelihood for Gaussian noise; NaN with a robust loss.
         noise_known: True if the noise was given; otherwise its level was estimated from the residuals.
         correlated: True if the uncertainty allows for residuals that are correlated in time.
+        n_evaluations: number of evaluations of the model.
         converged: True if the optimiser met its tolerance; `message` says how it ended.
         starts: number of searches; `starts_agreeing` ended at this minimum.
         minima: other minima that fit as well; the intervals contain them.
         model: model with the values, if the identification builds one (an actuator, a law, a modal model).
         observed: name of the channel that was fitted.
         residuals: model minus measured of each recording, in the unit of the data.
-        measured, times: measured values, in the unit of the data, and times [s] of each recording; empty if
-            not given.
-        jacobian: derivatives of all residuals, joined, by the searched coordinates q, shape (n, k).
+        measured, times: measured values, in the unit of the data, and times [s] of each recording; empty
+            arrays if not given.
+        jacobian: derivatives of all residuals, joined, in the unit of the data, by the searched coordinates
+            q, shape (n, k); None if not available.
         known: noise of each recording, known independently of the residuals.
         remarks: sentences on automatic decisions, such as additional free parameters.
         disturbances: faults of instruments that the residuals show; see `with_disturbances`.
         doubts: sentences of other checks against the values; part of `failures`.
-        advice: missing term of the model, if it does not explain its recordings.
+        advice: missing term of the model, if it does not explain its recordings; otherwise None.
         predict: function from any recording to the predicted values of the observed channel, shape (n,).
         systematics: known errors common to all data, such as the scale of a sensor; `report` and `to_dict`
             also show intervals that include them.
@@ -114,7 +117,8 @@ class Fit:
     judgement: Judgement = DEFAULT
 
     def judged(self, **thresholds: float) -> Fit:
-        """Return the same fit with other thresholds for its statements: see `Judgement`.
+        """Return the same fit with other thresholds for its statements, given by name as keyword arguments;
+        see `Judgement`.
 
         Raises:
             QuantityError: there is no such threshold, or it is out of range.
@@ -126,7 +130,7 @@ class Fit:
 
     @cached_property
     def ties(self) -> Ties:
-        """Return the relation of the parameters in `beside` to the searched ones."""
+        """Return the `Ties`: the function from the searched values to all values."""
         return Ties((*self.parameters, *self.beside))
 
     @property
@@ -136,17 +140,17 @@ class Fit:
 
     @property
     def shown(self) -> tuple[Parameter, ...]:
-        """Return all parameters, the searched ones first."""
+        """Return all parameters, the searched ones first, then the fixed and tied ones."""
         return self.ties.shown(self.values)
 
     @property
     def cost(self) -> float:
-        """Return the weighted sum of squares."""
+        """Return the weighted sum of squares, including the priors."""
         return self.reduced_chi_squared * self.degrees_of_freedom
 
     @property
     def coordinates(self) -> np.ndarray:
-        """Return the search coordinates q of the values, shape (k,)."""
+        """Return the coordinates q of the estimates of the searched parameters, shape (k,)."""
         return np.array([p.coordinate(self.values[p.name]) for p in self.parameters])
 
     @property
@@ -156,14 +160,15 @@ class Fit:
 
     @property
     def covariance(self) -> np.ndarray:
-        """Return the covariance of the values, shape (k, k), linearised."""
+        """Return the linearised covariance of the searched values, in the products of their units, shape (k,
+        k)."""
         slopes = np.array([p.slope(self.values[p.name]) for p in self.parameters])
         return self.uncertainty.covariance * np.outer(slopes, slopes)
 
     @property
     def standard_errors(self) -> Values:
-        """Return the standard error of each value, in its unit; NaN for a parameter at its bound, 0 for a
-        fixed one."""
+        """Return the standard error of each parameter, in its unit, by name; NaN for a parameter at its
+        bound, 0 for a fixed one."""
         spread = np.sqrt(np.diag(self.ties.extended(self.values, self.uncertainty).covariance))
         return {
             p.name: float(deviation * p.slope(self.values[p.name]))
@@ -172,7 +177,8 @@ class Fit:
 
     @property
     def correlation(self) -> xr.DataArray:
-        """Return the correlation of the estimates, over the dimensions "parameter" and "other"."""
+        """Return the correlation of the estimated coordinates q, over the dimensions "parameter" and "other";
+        NaN for a parameter at its bound."""
         import xarray as xr
 
         deviations = np.sqrt(np.diag(self.uncertainty.covariance))
@@ -182,9 +188,12 @@ class Fit:
         return xr.DataArray(matrix, dims=("parameter", "other"), coords={"parameter": names, "other": names})
 
     def confidence_intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Return lower and upper end of the interval of each parameter, in its unit, cut at its bounds.
+        """Return lower and upper end of the interval of each parameter, in its unit, by name, at a confidence
+        `level` above 0 and below 1 (QuantityError otherwise).
 
-        They come from Student's t distribution, or from the normal distribution if the noise is known.
+        The intervals come from Student's t distribution, or from the normal distribution if the noise is
+        known. They include other minima that fit as well, and are cut at the bounds or, if there are any,
+        limits.
         """
         if not 0 < level < 1:
             raise QuantityError(f"level = {level!r} is out of range: a probability must be > 0 and < 1")
@@ -201,10 +210,11 @@ class Fit:
         }
 
     def _near(self, values: Values, known: Uncertainty, t: float) -> dict[str, tuple[float, float]]:
-        """Return lower and upper end of the interval of each parameter about one minimum, by name.
+        """Return lower and upper end of the interval of each parameter about one minimum, in its unit, by
+        name.
 
         Args:
-            values: values at the minimum, in SI.
+            values: values at the minimum, in SI, by name.
             known: uncertainty of the coordinates there.
             t: half width in standard errors.
         """
@@ -213,7 +223,8 @@ class Fit:
         return {p.name: interval(p, i, values[p.name], spread, t) for i, p in enumerate(ties.shown(values))}
 
     def with_minima(self, others: Sequence[Minimum]) -> Fit:
-        """Return the fit with other minima added, except those that equal its own minimum or each other."""
+        """Return a copy of the fit with other minima, except those that equal its own minimum or each
+        other."""
         kept: list[Minimum] = []
         own = Minimum(self.values, self.uncertainty, 0.0)
         if self.exchangeable:
@@ -235,7 +246,8 @@ class Fit:
 
     @property
     def r_squared(self) -> float:
-        """Return the coefficient of determination over all recordings, each about its own mean."""
+        """Return the coefficient of determination over all recordings, each about its own mean; NaN if
+        measured values are unknown."""
         return pooled_r_squared(self.recordings)
 
     @property
@@ -250,7 +262,8 @@ class Fit:
 
     @property
     def doubt(self) -> str:
-        """Return the reason why this may not be the best fit; empty if the searches show none."""
+        """Return the reason why this may not be the best fit (not converged, or searches that ended
+        elsewhere); "" if the searches show none."""
         if not self.converged:
             return f"not converged: {self.message}"
         if self.starts_agreeing < self.starts:
@@ -260,7 +273,7 @@ class Fit:
 
     @property
     def other_minima(self) -> str:
-        """Return a sentence on the other minima that fit as well, with their values; empty without one."""
+        """Return a sentence on the other minima that fit as well, with their values; "" if there is none."""
         if not self.minima:
             return ""
         listed = "; ".join(
@@ -283,11 +296,8 @@ class Fit:
         return math.log(self.n_data) * self.n_estimated - 2 * self.log_likelihood
 
     def derived(self, quantity: Callable[[Values], float]) -> tuple[float, float]:
-        """Return value and standard error of a quantity computed from the values, linearised. `quantity` is a
-        function of the values by name, in SI.
-
-        Parameters at a bound are taken as exact.
-        """
+        """Return the value and the linearised standard error of a quantity, in its own unit. `quantity` is a
+        function from all values by name, in SI, to a number. Parameters at a bound are taken as exact."""
         gradient = np.zeros(len(self.parameters))
         for i, p in enumerate(self.parameters):
             q = p.coordinate(self.values[p.name])
@@ -300,13 +310,15 @@ class Fit:
 
     @cached_property
     def jitter(self) -> tuple[Scatter, ...]:
-        """Return the scatter of each recording's residuals with the speed, if clock jitter causes it."""
+        """Return a `Scatter` for each recording: the clock jitter that its residuals show, or one without
+        jitter."""
         periods = [one.period[1] for one in self.known] or [0.0] * len(self.residuals)
         return jitter_of(self.residuals, self.measured, self.times, periods)
 
     @cached_property
     def lack(self) -> tuple[Lack, ...]:
-        """Return the lack-of-fit test of each recording, see `lacks_of`."""
+        """Return the lack-of-fit test of each recording, after clock jitter is removed, see `lacks_of`; empty
+        if no noise is known independently."""
         if not self.known:
             return ()
         share = (self.n_data - self.degrees_of_freedom) / max(self.n_data, 1)
@@ -315,8 +327,7 @@ class Fit:
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """Return the names of parameters at a bound of the search; zero does not count if it is the least
-        possible value."""
+        """Return the names of parameters at a bound of the search; a lower bound of zero does not count."""
         sides = self.uncertainty.bounded
         return tuple(
             p.name
@@ -326,7 +337,8 @@ class Fit:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Return sentences on the reasons not to trust the values; empty if they can be trusted."""
+        """Return sentences on the reasons not to trust the values: lack of fit, a fit worse than a constant,
+        no convergence, parameters at a bound, `doubts`. The tuple is empty if the values can be trusted."""
         found = [one.sentence for one in self.lack if one.seen]
         if self.r_squared < 0.0:
             found.append(f"the fit is worse than a constant: r^2 = {self.r_squared:.3g}")
@@ -337,13 +349,15 @@ class Fit:
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Return a sentence for each parameter, or group of parameters, that the data do not determine."""
+        """Return a sentence for each parameter, or group of parameters, that the data do not determine; see
+        `identifiability.undetermined`."""
         return undetermined(self)
 
     @property
     def table(self) -> xr.Dataset:
-        """Return value, standard_error, low and high (of the 95 % interval) over "parameter", with the unit
-        as a coordinate; ``fit.table.to_dataframe()`` makes a pandas table."""
+        """Return a dataset over "parameter" with value, standard_error, low and high (of the 95 % interval),
+        each in the parameter's unit, and with this "unit" as a coordinate. ``fit.table.to_dataframe()`` makes
+        a pandas table."""
         import xarray as xr
 
         ends, errors, names = self.confidence_intervals(), self.standard_errors, [p.name for p in self.shown]
@@ -357,14 +371,14 @@ class Fit:
         return xr.Dataset({name: ("parameter", column) for name, column in columns.items()}, coords=coords)
 
     def report(self, level: float = 0.95) -> str:
-        """Return a text table of values with units and intervals, goodness of fit, and undetermined
-        parameters."""
+        """Return a text table of values with units and intervals at this confidence level (0 to 1), followed
+        by goodness of fit, failures, undetermined parameters and remarks."""
         return as_text(self, level)
 
     @property
     def summary(self) -> str:
-        """Return a sentence with every value and its 95 % interval, and the reasons not to trust the fit, if
-        any."""
+        """Return one text with r^2, every value with its 95 % interval, the reasons not to trust the fit (if
+        any), other minima and remarks."""
         ends = self.confidence_intervals()
         values = ", ".join(
             f"{p.name} = {p.shown(self.values[p.name], 4)} [{ends[p.name][0]:.3g}, {ends[p.name][1]:.3g}] "
@@ -380,5 +394,6 @@ class Fit:
     _repr_html_ = preformatted
 
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
-        """Return every number with its unit, ready for JSON; None if a number does not exist."""
+        """Return the fit as a dictionary for JSON at this confidence level (0 to 1); see `as_dict` for the
+        keys."""
         return as_dict(self, level)

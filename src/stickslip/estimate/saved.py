@@ -1,4 +1,5 @@
-"""Fits as JSON: conversion of records of numbers, texts and records, with the names of their types."""
+"""Conversion of fits to JSON and back: records (named tuples and dataclasses) keep the names of their
+types."""
 
 from __future__ import annotations
 
@@ -30,8 +31,9 @@ TYPE = "type"
 def packed(item: Any) -> Any:
     """Return an item in a form that JSON can represent.
 
-    Records get the name of their type. Arrays and datasets become nested lists with their kind of number, and
-    a bound method becomes its owner and its name.
+    Records (named tuples and dataclasses) become dictionaries of their fields, with the name of the type as
+    "type". Arrays and datasets become nested lists with their kind of number, and a bound method becomes its
+    owner and its name. Lists and tuples become lists.
 
     Raises:
         TypeError: the item contains an unsupported type.
@@ -49,7 +51,8 @@ def packed(item: Any) -> Any:
         return {TYPE: "array", "dtype": str(item.dtype), "rows": rows if plain else packed(rows)}
     if isinstance(item, np.bool_):
         return bool(item)
-    import xarray as xr  # imported here, so that a million numbers do not each repeat the import
+    # The import is here, so that a million numbers do not each repeat it.
+    import xarray as xr
 
     if isinstance(item, xr.Dataset):
         held = {"coords": _held(item.coords), "data": _held(item.data_vars)}
@@ -69,11 +72,14 @@ def packed(item: Any) -> Any:
 
 
 def unpacked(item: Any, types: Mapping[str, type]) -> Any:
-    """Return the item that `packed` has converted, with records of the given types by name. Nothing in the
-    content is executed.
+    """Return the item that `packed` has converted; lists become tuples. Nothing in the content is executed.
+
+    Args:
+        item: the content of the JSON text.
+        types: record types that may occur, by name.
 
     Raises:
-        TypeError: a type is unknown, or a field has the wrong kind. Other damage may raise other errors.
+        TypeError: a type is unknown, or a field has a wrong kind. Other damage may raise other errors.
     """
     if isinstance(item, list):
         return tuple(unpacked(one, types) for one in item)
@@ -105,8 +111,11 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
 
 
 def _array(item: dict[str, Any]) -> Any:
-    """Return an array of numbers or texts. The width of a text array comes from the longest text: the width
-    that the content states could demand any amount of memory."""
+    """Return the array of numbers or texts in a dictionary with the keys "dtype" and "rows".
+
+    The width of a text array comes from its longest text, because the width that the content states could
+    demand any amount of memory. Raises TypeError for other kinds of arrays.
+    """
     kind = np.dtype(str(item["dtype"]))
     if kind.kind not in "biufcU":
         raise TypeError(f"an array of {kind} is not one of numbers or texts")
@@ -121,8 +130,8 @@ def _method(owner: Any, name: Any) -> Any:
 
 
 def _kinds_of(made: type, types: Mapping[str, type]) -> Mapping[str, Any]:
-    """Return the annotated kinds of the fields of the record type `made`, by name; an empty dictionary if an
-    annotation is unknown. `types` are the known types by name."""
+    """Return the annotated types of the fields of the record type `made`, by the field's name; an empty
+    dictionary if an annotation is unknown. `types` are the known types by name."""
     import xarray as xr
 
     try:
@@ -132,7 +141,8 @@ def _kinds_of(made: type, types: Mapping[str, type]) -> Mapping[str, Any]:
 
 
 def _is_of(value: Any, kind: Any) -> bool:
-    """Return True if a value is of an annotated kind, including the items of lists and mappings."""
+    """Return True if a value agrees with an annotated type, including the items of tuples and mappings. Any
+    value agrees with an annotation that cannot be checked."""
     of, inner = get_origin(kind), get_args(kind)
     if kind is Any or isinstance(kind, TypeVar | str):
         return True
@@ -171,7 +181,8 @@ def _variables(items: Any, types: Mapping[str, type]) -> dict[str, Any]:
 
 
 def _rows(rows: Any) -> Any:
-    """Return nested lists of numbers, in which texts for NaN and infinity are converted."""
+    """Return nested lists of numbers or texts, in which the dictionaries {"text": ...} for NaN and infinity
+    are converted to numbers."""
     if isinstance(rows, list):
         return [_rows(row) for row in rows]
     return float(rows["text"]) if isinstance(rows, dict) else rows

@@ -13,18 +13,20 @@ from .result import Fit
 # Smallest gain of chi-squared for which a further parameter is considered: chance exceeds it once in a
 # thousand fits (one degree of freedom).
 ASKED = 10.83
-# Assumed correlation length of residuals, in samples.
+# Assumed correlation length of residuals, in samples, for the number of independent samples.
 MEMORY = 8
 
 Array = NDArray[np.float64]
 
 
 def gain(fit: Fit, slopes: Array) -> float:
-    """Return the reduction of chi-squared by one further parameter, in variances of the remaining residuals.
+    """Return the linearised decrease of chi-squared by one further parameter, in variances of the remaining
+    residuals, reduced if these are correlated.
 
     Args:
-        fit: least-squares fit with its Jacobian.
-        slopes: derivatives of all residuals, joined, by the further parameter, shape (n,).
+        fit: least-squares fit; without its Jacobian, the result is 0.
+        slopes: derivatives of all residuals, joined, by the further parameter, in the unit of the data, shape
+            (n,).
     """
     own, r = _own(fit.jacobian, slopes), np.concatenate(fit.residuals)
     length = float(own @ own)
@@ -38,10 +40,11 @@ class Together(NamedTuple):
     """Linearised effect of several further parameters together.
 
     Attributes:
-        gain: decrease of chi-squared, in variances of the remaining residuals.
-        share: share of the sum of squares that they explain.
+        gain: decrease of chi-squared, in variances of the remaining residuals, reduced if these are
+            correlated.
+        share: share of the residual sum of squares that the further parameters explain.
         steps: estimates of the further parameters, relative to 0, in their units, shape (m,).
-        moves: changes of the coordinates of the fit, shape (k,).
+        moves: changes of the coordinates q of the fit, shape (k,).
     """
 
     gain: float
@@ -51,11 +54,13 @@ class Together(NamedTuple):
 
 
 def together(fit: Fit, slopes: Array) -> Together:
-    """Return the linearised effect of further parameters, with all fitted parameters free.
+    """Return the linearised effect of further parameters, with all fitted parameters free; zeros if a
+    derivative is not finite.
 
     Args:
-        fit: least-squares fit with its Jacobian.
-        slopes: derivatives of all residuals, joined, by the further parameters, shape (n, m).
+        fit: least-squares fit; without its Jacobian, the fitted parameters are taken as fixed.
+        slopes: derivatives of all residuals, joined, by the further parameters, in the unit of the data,
+            shape (n, m).
     """
     r = np.concatenate(fit.residuals)
     own = np.zeros((r.size, 0)) if fit.jacobian is None else fit.jacobian
@@ -75,11 +80,11 @@ def together(fit: Fit, slopes: Array) -> Together:
 
 
 def rise(fit: Fit, name: str) -> float:
-    """Return the increase of chi-squared if one of the parameters were zero, linearised, in variances of the
-    residuals.
+    """Return the linearised increase of chi-squared if one of the fitted parameters were zero, in variances
+    of the residuals, reduced if these are correlated.
 
     Args:
-        fit: least-squares fit with its Jacobian.
+        fit: least-squares fit; without its Jacobian, the result is 0.
         name: name of a parameter on a linear scale.
     """
     if fit.jacobian is None:
@@ -93,7 +98,13 @@ def rise(fit: Fit, name: str) -> float:
 
 def step(fit: Fit, slopes: Array) -> float:
     """Return the linearised estimate of a further parameter, relative to 0, in its unit, with all fitted
-    parameters free. `slopes` [n]: derivatives of all residuals, joined, by the further parameter."""
+    parameters free; 0 if they explain its effect.
+
+    Args:
+        fit: least-squares fit with its Jacobian.
+        slopes: derivatives of all residuals, joined, by the further parameter, in the unit of the data, shape
+            (n,).
+    """
     own = _own(fit.jacobian, slopes)
     length = float(own @ own)
     return -float(own @ np.concatenate(fit.residuals)) / length if length > 0.0 else 0.0
@@ -101,15 +112,16 @@ def step(fit: Fit, slopes: Array) -> float:
 
 def _in_variances(squares: float, left: Array, parameters: int) -> float:
     """Return a sum of squares divided by the variance of the residuals `left` [n] of a model with this number
-    of parameters. The result is reduced by the share of independent samples if these are correlated."""
+    of parameters. The result is multiplied by the share of independent samples, which is below 1 for
+    correlated residuals."""
     share = independent_samples(left, MEMORY) / left.size
     variance = float(left @ left) / max(left.size - parameters, 1)
     return share * squares / variance if variance > 0.0 else 0.0
 
 
 def _own(jacobian: Array | None, slopes: Array) -> Array:
-    """Return the part [n] of the slopes that is orthogonal to the fitted parameters; zeros if nothing is
-    left."""
+    """Return the part of the slopes [n] that is orthogonal to the columns of the Jacobian [n, k], shape (n,);
+    zeros if nothing is left or there is no Jacobian."""
     column = np.asarray(slopes, dtype=float)
     if jacobian is None:
         return np.zeros(column.size)

@@ -20,29 +20,33 @@ from .parameter import Values
 from .problem import FitError, Problem
 from .whiteness import white
 
-# Short searches of `LOOK` evaluations look for a lower minimum: from the best LOOKED_AT of SCREENED points
-# within the bounds, and from the best minimum with one parameter multiplied by each of HOPS (on a linear
-# scale, shifted by shares of its range).
+# Hopping looks for a lower minimum by short searches of `LOOK` steps: from the best LOOKED_AT of SCREENED
+# points within the bounds, and from the best minimum with one parameter multiplied by each of HOPS (on a
+# linear scale, shifted by shares of its range).
 LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
-# Difference of cost, in noise variances, below which two searches have found the same minimum.
+# Difference of cost, in variances of the noise, below which two searches have found the same minimum.
 SAME_MINIMUM = 0.01
 
 Array = np.ndarray
 
 
 class SearchState(NamedTuple):
-    """State of a fit after an evaluation of the model: number of evaluations, number of the current initial
-    guess (from 1), and number of initial guesses."""
+    """State of a fit after an evaluation of the model.
+
+    Fields: `evaluations`, number of evaluations so far; `start`, number of the current initial guess (from
+    1), of `starts`; `sum_of_squares`, the lowest weighted sum of squares so far from this guess; `values`,
+    the values there by name.
+    """
 
     evaluations: int
     start: int
     starts: int
-    sum_of_squares: float  # lowest so far from this initial guess, weighted
-    values: Values  # values at which it was found
+    sum_of_squares: float
+    values: Values
 
 
 class Options(NamedTuple):
-    """Options of a search; see `fit_least_squares`."""
+    """Options of a search: the arguments of `fit_least_squares` with the same names."""
 
     begin: Values | None
     starts: int
@@ -57,8 +61,8 @@ class Options(NamedTuple):
 
 
 class End(NamedTuple):
-    """End of one search: `cost`, the sum of squares weighted by the noise (with a robust loss, of the loss);
-    the coordinates `q` [k]; `converged`; and the reason of the end as `message`."""
+    """End of one search: `cost`, the sum of squares of the weighted residuals (with a robust loss, the sum of
+    the loss); the coordinates `q` [k]; `converged`; and the reason for the end as `message`."""
 
     cost: float
     q: Array
@@ -67,15 +71,16 @@ class End(NamedTuple):
 
 
 class _OutOfBudget(Exception):
-    """Signal that the budget is spent, with a sentence."""
+    """Signal that a search has spent its evaluations or the CPU budget; the argument is a sentence for the
+    message."""
 
 
 class _Settled(Exception):
-    """Signal that a search has converged, with its coordinates."""
+    """Signal that a search has converged; the argument is the array of its coordinates q [k]."""
 
 
 class SearchResults:
-    """All searches of one fit, and their `ends`."""
+    """All searches of one fit: the methods search, and add the results (`End`) to `ends`."""
 
     def __init__(self, problem: Problem, options: Options) -> None:
         self.problem, self.options = problem, options
@@ -88,13 +93,13 @@ class SearchResults:
         return min(self.ends, key=lambda end: end.cost)
 
     def agreeing(self) -> int:
-        """Return the number of searches that ended in the lowest minimum."""
+        """Return the number of searches that ended in the lowest minimum, within `SAME_MINIMUM`."""
         most = self.best.cost * (1 + self.same) + 1e-12 * self.problem.scale**2
         return sum(end.cost <= most for end in self.ends)
 
     def run(self) -> None:
-        """Search from all initial guesses, then hop from the best end as long as that finds a lower
-        minimum."""
+        """Search from all initial guesses, then hop from the best end up to `hops` times. Hopping ends when
+        it finds no lower minimum, when only white noise is left, or when the budget is spent."""
         problem, options = self.problem, self.options
         first = problem.start
         if options.begin is not None:
@@ -109,19 +114,20 @@ class SearchResults:
                 break
             if best.converged and white(problem.residuals(best.q)[: problem.noise.size], problem.sizes):
                 break
-            # The points within the bounds are the same each time, so they are tried once.
+            # The same points within the bounds would be screened each time, so they are tried in the first
+            # hop only.
             if not (hop == 0 and self._improved(_screened(problem))) and not self._improved(
                 _beside(problem, best.q)
             ):
                 break
 
     def go_on(self, end: End) -> None:
-        """Continue a search from its end, within the present bounds."""
+        """Continue a search from its end, within the present search ranges, and add the new end to `ends`."""
         self.ends.append(self.search(self.options.starts, end.q, self.options.max_evaluations))
 
     def _closing(self, at: Array, two_sided: bool) -> Array:
-        """Return the derivatives of the weighted residuals by the search variables at the point `at` [k],
-        shape (n + priors, k).
+        """Return the derivatives of the weighted residuals by the variables of the optimiser at the point
+        `at` [k], shape (n + priors, k). `two_sided` chooses the kind of differences.
 
         Raises:
             _Settled: the next step is far below the standard errors, so the search has converged.
@@ -139,14 +145,23 @@ class SearchResults:
         return found * [p.search_slope(x) for p, x in zip(problem.parameters, at, strict=True)]
 
     def search(self, number: int, q: Array, most: int) -> End:
-        """Search from the coordinates q [k], with at most `most` steps for one-sided and for two-sided
-        differences each. `number` is the number of the initial guess, from 1."""
+        """Search from the coordinates q [k] and return the `End`.
+
+        One-sided differences come first, then two-sided ones, each with at most `most` steps. A short search,
+        with `most` below the option `max_evaluations`, has only one-sided ones; with the option `central` or
+        a given Jacobian, only the second search is made.
+
+        Args:
+            number: number of the initial guess, from 1.
+            q: coordinates from which to search.
+            most: largest number of steps.
+        """
         problem, options = self.problem, self.options
         problem.best_cost, problem.best = math.inf, q
         problem.after = partial(self._after, number, problem.evaluations)
         converged, message = False, ""
-        # One-sided differences are sufficient at first and cost half as much; two-sided ones finish the
-        # search.
+        # One-sided differences are sufficient at first and cost half as much; two-sided ones then give the
+        # exact minimum.
         sided = (False, True)[: 1 + (most == options.max_evaluations)]
         try:
             for two_sided in (True,) if options.central or problem.jacobian is not None else sided:
@@ -194,8 +209,8 @@ class SearchResults:
             raise _OutOfBudget(problem.budget.said)
 
     def _improved(self, begins: Sequence[Array]) -> bool:
-        """Search briefly from the coordinates `begins`. If the lowest end is below the best one so far,
-        continue from it and return True; otherwise return False."""
+        """Search briefly (`LOOK` steps) from each of the coordinates `begins`. If the lowest end is below the
+        best one so far, continue from it and return True; otherwise return False."""
         starts, lowest = self.options.starts, self.best.cost
         looks = [self.search(starts, q, LOOK) for q in begins]
         look = min(looks, key=lambda end: end.cost, default=None)
@@ -206,7 +221,8 @@ class SearchResults:
 
 
 def scattered(problem: Problem, n: int, seed: int) -> Array:
-    """Return the coordinates of n points that fill the bounds by a Latin hypercube, shape (n, k).
+    """Return the coordinates q of n points that fill the bounds by a Latin hypercube with this seed, shape
+    (n, k).
 
     Raises:
         FitError: a bound is infinite.
@@ -220,8 +236,8 @@ def scattered(problem: Problem, n: int, seed: int) -> Array:
 
 
 def _screened(problem: Problem) -> list[Array]:
-    """Return the coordinates of the best of many points within the bounds, as initial guesses; an empty list
-    if a bound is infinite."""
+    """Return the coordinates q of the `LOOKED_AT` best of `SCREENED` points within the bounds, as initial
+    guesses; an empty list if a bound is infinite."""
     if not np.all(np.isfinite(problem.upper - problem.lower)):
         return []
     found = []
@@ -233,8 +249,8 @@ def _screened(problem: Problem) -> list[Array]:
 
 
 def _beside(problem: Problem, q: Array) -> list[Array]:
-    """Return the coordinates of hops from the minimum q [k], one parameter changed in each: those inside the
-    bounds at which the model can be computed."""
+    """Return the coordinates q of hops from the minimum q [k], each with one parameter changed by a factor in
+    `HOPS`: those inside the bounds at which the model can be computed."""
     found = []
     for i, p in enumerate(problem.parameters):
         for factor in HOPS:

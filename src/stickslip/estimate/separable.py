@@ -27,9 +27,9 @@ class SeparableRecording(NamedTuple):
     """One recording and the names of its own linear coefficients.
 
     Attributes:
-        measured: shape (n,).
+        measured: measured values, in the unit of the data, shape (n,).
         noise: standard deviation, one number or shape (n,), in the unit of the data; None: equal everywhere.
-        coefficients: name and unit of each of the K coefficients.
+        coefficients: tuple (name, unit) of each of the K coefficients.
         name: name of the recording.
         unit: unit of the data.
     """
@@ -46,8 +46,8 @@ class Design(NamedTuple):
 
     Attributes:
         matrix: B, shape (n, K).
-        tangent: function from coefficients x, shape (K,), to the derivatives of B x by the values [n, k] of
-            all parameters of the design except the fixed ones.
+        tangent: function from coefficients x, shape (K,), to the derivatives of B x, shape (n, k), by the
+            values of all parameters of the design except the fixed ones.
     """
 
     matrix: np.ndarray
@@ -55,7 +55,11 @@ class Design(NamedTuple):
 
 
 class _Solved(NamedTuple):
-    """The best coefficients of one recording, and the parts of its weighted design B = Q R."""
+    """Best coefficients `x` [K] of one recording at given values of the searched parameters.
+
+    `weights` [n] are the inverse noise, and `q` [n, K] and `r` [K, K] the factors of the weighted matrix of
+    the `design`.
+    """
 
     design: Design
     weights: np.ndarray
@@ -70,12 +74,12 @@ def separable(
     parameters: Sequence[Parameter],
     **about: Any,
 ) -> Problem:
-    """Return the problem in which linear coefficients are solved for. Its fit contains the searched
-    parameters first, then all coefficients.
+    """Return the `Problem` in which linear coefficients are solved for. The fit of this problem contains the
+    searched parameters first, then all coefficients.
 
     Args:
-        recordings: data, and coefficients by name.
-        designs: function from the values of the searched parameters to the design of each recording.
+        recordings: measured data, and names of the coefficients.
+        designs: function from the values of the parameters, by name, to the design of each recording.
         parameters: the searched parameters.
         about: further arguments of `Problem`, such as `noise_known` and `correlated`.
     """
@@ -117,8 +121,8 @@ def separable(
 
 
 def _solve(recording: SeparableRecording, design: Design, before: _Solved | None) -> _Solved:
-    """Return the best coefficients of one recording. The factors of the previous recording are used if its
-    weighted design is the same, as for channels with equal weights."""
+    """Return the best coefficients of one recording. If the weighted matrix of the recording `before` is the
+    same, as for channels with equal weights, its factors are used again."""
     noise = 1.0 if recording.noise is None else recording.noise
     weights = np.broadcast_to(1 / np.asarray(noise, dtype=float), recording.measured.shape)
     if before and before.design.matrix is design.matrix and np.array_equal(before.weights, weights):
@@ -131,8 +135,15 @@ def _solve(recording: SeparableRecording, design: Design, before: _Solved | None
 def _with_coefficients(
     fit: Fit, ties: Ties, recordings: Sequence[SeparableRecording], solutions: list[_Solved]
 ) -> Fit:
-    """Return the fit of the searched parameters with the coefficients of all recordings added, and the
-    covariance of both."""
+    """Return the fit of the searched parameters with the coefficients of all recordings added as parameters,
+    and with the covariance of both.
+
+    Args:
+        fit: fit of the searched parameters.
+        ties: relation of tied parameters to the searched ones.
+        recordings: data, and names of the coefficients.
+        solutions: best coefficients of each recording at the fit.
+    """
     added = [
         Parameter(name, float(x), -math.inf, math.inf, unit, log=False)
         for recording, s in zip(recordings, solutions, strict=True)
@@ -174,7 +185,7 @@ def _white(
     k = len(fit.parameters)
     searched = np.where(np.isfinite(fit.uncertainty.covariance), fit.uncertainty.covariance, 0.0)
     inverses = [np.linalg.inv(s.r) for s in solutions]
-    # Derivatives of the best coefficients by the searched coordinates.
+    # Derivatives of the best coefficients [K, k] by the searched coordinates, for each recording.
     moves = [-inverse @ (s.q.T @ t) for inverse, s, t in zip(inverses, solutions, tangents, strict=True)]
     moved = np.concatenate([np.eye(k), *moves]) @ _root(searched)
     variance = 1.0 if fit.noise_known else fit.reduced_chi_squared

@@ -1,4 +1,4 @@
-"""Searches from several points: short ones from all, the best continued to their ends; the result is one fit
+"""Searches from several points: short ones from all, the best continued to their ends. The result is one fit
 with the other minima that fit as well."""
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ FOLLOWED = 3
 
 
 def raised_by_noise(best: Fit) -> float:
-    """Return the factor by which coloured noise reduces the significance of another minimum's excess of
-    chi-squared: the median factor by which it increases the variances."""
+    """Return the median factor by which autocorrelated noise increases the variances of a fit. The excess of
+    chi-squared of another minimum is less significant by this factor."""
     return float(np.median([inflation(best, i) for i in range(len(best.parameters))]))
 
 
@@ -33,13 +33,13 @@ def from_several(
     ends: Callable[[Sequence[Fit]], Sequence[Fit]],
     raised: Callable[[Fit], float] = raised_by_noise,
 ) -> Fit:
-    """Return the lowest result of searches from all points, with the other minima that fit as well.
+    """Return the lowest result of searches from all points, as a fit with the other minima that fit as well.
 
     Args:
-        begins: initial guesses; the first is the user's, whose search is always completed.
-        look: function for a short search from a point, of some `ENOUGH` evaluations.
-        ends: function that completes the searches of the lowest of these fits, the best first, and of the
-            user's.
+        begins: initial guesses, values by name; the first is the user's, whose search is always completed.
+        look: function from an initial guess to the fit after a short search, of about `ENOUGH` evaluations.
+        ends: function that takes the fits after the `FOLLOWED` best short searches, the best first, and after
+            the user's, and returns the fits at the ends of these searches.
         raised: function from the best fit to the factor by which an excess of chi-squared is divided.
 
     Raises:
@@ -61,8 +61,11 @@ def from_several(
 
 
 def followed(fit: Fit, on: Callable[[], Fit], enough: bool = False) -> Fit:
-    """Return the end of a search. The fit itself is the end if it has converged, or if it is `enough` as a
-    short search; otherwise the function `on` continues it."""
+    """Return the fit at the end of a search, with the evaluations of both parts counted.
+
+    The given fit is the end if it has converged, or if `enough` says that a short search is sufficient.
+    Otherwise the function `on`, without arguments, continues the search and returns the fit at its end.
+    """
     if fit.converged or enough:
         return fit
     end = on()
@@ -70,8 +73,8 @@ def followed(fit: Fit, on: Callable[[], Fit], enough: bool = False) -> Fit:
 
 
 def lowest(fits: Sequence[Fit], raised: Callable[[Fit], float] = raised_by_noise) -> Fit:
-    """Return the fit with the lowest sum of squares; its intervals include the others that the noise does not
-    reject.
+    """Return the fit with the lowest sum of squares, with the others that the noise does not reject as its
+    other minima.
 
     Args:
         fits: fits of the same parameters to the same data. Those that have not converged are not minima.
@@ -79,7 +82,7 @@ def lowest(fits: Sequence[Fit], raised: Callable[[Fit], float] = raised_by_noise
     """
     best = min(fits, key=lambda fit: fit.cost)
     variance = 1.0 if best.noise_known else best.cost / best.degrees_of_freedom
-    # If there is only one fit, its other minima have no excess.
+    # A single fit has no excess of chi-squared to divide, so the factor is not computed.
     less = raised(best) if len(fits) > 1 else 1.0
     others, agreeing, searches = [], 0, 0
     for fit in fits:

@@ -1,4 +1,4 @@
-"""A fit as a text table, and as numbers with units."""
+"""Conversion of a fit to a text table, and to numbers with units."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 def as_text(fit: Fit, level: float) -> str:
-    """Return a text table of values with units and intervals, goodness of fit, and undetermined
-    parameters."""
+    """Return a text table of values with units and intervals at this confidence level (0 to 1), followed by
+    goodness of fit, the end of the search, other minima, failures, undetermined parameters and remarks."""
     intervals, errors = fit.confidence_intervals(level), fit.standard_errors
     wider = systematic_numbers(fit, level)
     more = ("with systematic errors",) if wider else ()
@@ -57,7 +57,12 @@ def preformatted(result: Any) -> str:
 
 
 def as_dict(fit: Fit, level: float) -> dict[str, Any]:
-    """Return every number with its unit, ready for JSON; None if a number does not exist."""
+    """Return the fit as a dictionary for JSON, with None in place of NaN and infinity.
+
+    The keys "parameters" and "recordings" contain a dictionary for each name: value, unit, standard_error,
+    interval (lower and upper end, at the confidence level `level`, 0 to 1) and bounds; r_squared, rmse, unit
+    and n_data. Other keys are the names of attributes of `Fit`, such as "failures", and "lack_of_fit".
+    """
     intervals, errors = fit.confidence_intervals(level), fit.standard_errors
     wider = systematic_numbers(fit, level)
     found = {
@@ -124,7 +129,8 @@ def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
 
 
 def _finite(item: Any) -> Any:
-    """Return the item with None in place of NaN and infinity, which JSON does not have."""
+    """Return the item, a nest of dictionaries and lists, with None in place of NaN and infinity, which JSON
+    does not have."""
     if isinstance(item, dict):
         return {key: _finite(value) for key, value in item.items()}
     if isinstance(item, list):

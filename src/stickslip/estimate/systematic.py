@@ -24,8 +24,9 @@ Interval = tuple[float, float]
 
 
 class Systematic(NamedTuple):
-    """Error common to all data: its `cause`, its relative standard `uncertainty`, and the changes of the
-    searched coordinates q by one standard uncertainty (`moves`, by parameter; others do not change)."""
+    """Error common to all data: its `cause` in words; its relative standard `uncertainty`; and `moves`, the
+    changes of the searched coordinates q by one standard uncertainty, by the parameter's name (others do not
+    change)."""
 
     cause: str
     uncertainty: float
@@ -38,8 +39,8 @@ class Systematic(NamedTuple):
 
 
 def systematic_errors(fit: Fit) -> dict[str, float]:
-    """Return the standard deviation of each coordinate q by systematic errors alone; empty if there are
-    none."""
+    """Return the standard deviation of each parameter's coordinate q by systematic errors alone, by name; 0
+    for fixed ones. Without systematic errors, the dictionary is empty."""
     if not fit.systematics:
         return {}
     squares = {p.name: 0.0 for p in fit.shown}
@@ -58,10 +59,13 @@ def systematic_errors(fit: Fit) -> dict[str, float]:
 def intervals_with_systematics(
     fit: Fit, level: float = 0.95, intervals: Mapping[str, Interval] | None = None
 ) -> dict[str, Interval]:
-    """Return the intervals at this confidence level for statistical and systematic errors together, by name,
-    in the parameters' units; empty without systematic errors.
+    """Return lower and upper end of the intervals for statistical and systematic errors together, in the
+    parameters' units, by name; empty without systematic errors.
 
-    The statistical `intervals` are those of the fit, unless others are given.
+    Args:
+        fit: fit with its systematic errors.
+        level: confidence level, 0 to 1.
+        intervals: statistical intervals, by name; None: those of the fit.
     """
     errors, statistical = systematic_errors(fit), intervals or fit.confidence_intervals(level)
     if not errors:
@@ -80,8 +84,9 @@ def intervals_with_systematics(
 
 
 def systematic_numbers(fit: Fit, level: float = 0.95) -> dict[str, dict[str, Interval]]:
-    """Return for each parameter the intervals `systematic` (systematic errors alone) and `both` (with
-    statistical errors); empty without systematic errors."""
+    """Return for each parameter, by name, a dictionary of two intervals (lower and upper end, in its unit):
+    `systematic` (systematic errors alone) and `both` (with statistical errors). Without systematic errors,
+    the result is empty."""
     errors, both = systematic_errors(fit), intervals_with_systematics(fit, level)
     t, found = reach(level, None), {}
     for p in fit.shown if errors else ():

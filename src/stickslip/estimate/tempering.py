@@ -22,15 +22,17 @@ from .posterior import CHAINS, Posterior, summary_of
 from .problem import FitError
 
 Array = NDArray[np.float64]
-# Function from points [n, k] and bounds [n] to log likelihoods [n]. The result is -inf for an impossible
-# point, or for one whose log likelihood is below its bound, which may be known early.
+# Function from points [n, k] and bounds [n] to natural log likelihoods [n]. The result is -inf for an
+# impossible point. It may be -inf for a point whose log likelihood is below its bound, so that the
+# computation can end early.
 LogLikelihood = Callable[[Array, Array], Array]
 
-KEPT = 0.6  # effective fraction of the points that remains at each level
-MOVES, LAST_MOVES = 2, 16  # pairs of Metropolis steps at each level, and at the last one
+KEPT = 0.6  # effective fraction of the points with which each level ends
+# pairs of Metropolis steps (random walk, independent proposal) at each level, and at the last
+MOVES, LAST_MOVES = 2, 16
 MOST_LEVELS = 60  # largest number of exponents β from prior to posterior
-WANTED_ACCEPTANCE = 0.25  # for random walks in several dimensions [gelman1997]
-START = 4  # number of prior points per draw
+WANTED_ACCEPTANCE = 0.25  # fraction of accepted steps to which random walks are adapted [gelman1997]
+START = 4  # number of points drawn from the prior for each point of the following levels
 AGREEING = 1.1  # largest R-hat at which independent runs agree [gelman1992]
 FARTHEST = 6.0  # standard deviations of the prior beyond which no point is tried
 
@@ -45,19 +47,22 @@ def sample_tempered(
     seed: int = 0,
     progress: Progress = unheard,
 ) -> Posterior:
-    """Sample the posterior of a likelihood with a standard normal prior.
+    """Sample the posterior of a likelihood with a standard normal prior of the coordinates z, and return a
+    `Posterior`.
 
     Args:
-        log_likelihood: function for the log likelihood of points, up to a constant, at most 0.
+        log_likelihood: function from points z [n, size] and bounds [n] to natural log likelihoods [n], at
+            most 0; -inf for an impossible point, and allowed for one below its bound.
         size: number of coordinates.
-        columns: function that returns values by name at points [n, k].
+        columns: function from points z [n, size] to the sampled values [n] by name.
         units: name and unit of each column.
         draws: number of points of all runs together.
         seed: seed of the draws.
-        progress: called after each level.
+        progress: called after each level as ``progress(doing, done)``, with the mean exponent β as `done`.
 
     Raises:
-        FitError: too few points of the prior are possible, or the posterior is not reached in `MOST_LEVELS`.
+        FitError: fewer than two points of the prior are possible in a run, or the posterior is not reached in
+            `MOST_LEVELS` levels.
     """
     random = np.random.default_rng(seed)
     count = max(2 * size, draws // CHAINS)
@@ -86,8 +91,11 @@ def sample_tempered(
 
 
 def _of_all(log_likelihood: LogLikelihood, z: Array, least: Array) -> Array:
-    """Return the log likelihoods [runs, n] of points z [runs, n, k]; -inf for a point whose log likelihood is
-    below `least` [runs, n], or that lies too far outside the prior."""
+    """Return the natural log likelihoods [runs, n] of points z [runs, n, k].
+
+    The result is -inf for a point whose log likelihood is below `least` [runs, n], or that is `FARTHEST` or
+    more from the prior's mean in a coordinate.
+    """
     flat, bounds = z.reshape(-1, z.shape[-1]), least.ravel()
     tried = (np.max(np.abs(flat), axis=1) < FARTHEST) & (bounds <= 0.0)
     found = np.full(len(flat), -np.inf)
@@ -102,8 +110,8 @@ def _weights(log_weights: Array) -> Array:
 
 
 def _next(beta: float, found: Array) -> float:
-    """Return the next exponent β of one run, at most 1, at which a fraction `KEPT` of its points is
-    effective. `beta` is the present exponent, `found` the log likelihoods of the points [n]."""
+    """Return the next exponent β of one run, at most 1, at which the fraction `KEPT` of its possible points
+    is effective. `beta` is the present exponent; `found` are the log likelihoods of the points [n]."""
     possible = found[np.isfinite(found)]
 
     def effective(to: float) -> float:
@@ -134,15 +142,15 @@ def _walk(
     scale: Array,
     random: np.random.Generator,
 ) -> float:
-    """Make one random-walk step of all points, in place. Returns the fraction of accepted steps.
+    """Make one random-walk step of all points, in place, and return the fraction of accepted steps.
 
     Args:
-        log_likelihood: function for the log likelihood of points.
+        log_likelihood: as for `sample_tempered`.
         z: points, shape (runs, n, k), changed in place.
-        found: their log likelihoods, shape (runs, n), changed in place.
+        found: log likelihoods of the points, shape (runs, n), changed in place.
         beta: exponent of the likelihood of each run, shape (runs,).
-        scale: step of each run relative to the scatter of the points, shape (runs,), adapted in place to the
-            wanted acceptance.
+        scale: step of each run relative to the scatter of the other runs' points, shape (runs,), adapted in
+            place so that the fraction of accepted steps approaches `WANTED_ACCEPTANCE`.
         random: generator of random numbers.
     """
     proposed = np.empty_like(z)
@@ -157,7 +165,8 @@ def _walk(
 def _exchange(
     log_likelihood: LogLikelihood, z: Array, found: Array, beta: Array, random: np.random.Generator
 ) -> None:
-    """Make one Metropolis step of all points to independent proposals, in place. Arguments as for `_walk`."""
+    """Make one Metropolis step of all points to independent proposals, which come from a distribution fitted
+    to the points of the other runs, in place. Arguments as for `_walk`."""
     proposed, log_ratio = np.empty_like(z), np.empty_like(found)
     for c in range(CHAINS):
         others = _of_others(z, c)
@@ -168,7 +177,8 @@ def _exchange(
 
 
 def _of_others(z: Array, run: int) -> Array:
-    """Return the points of all runs but one."""
+    """Return the points of all runs except the one with the index `run`, joined, shape ((runs - 1) n, k); z
+    has the shape (runs, n, k)."""
     return np.delete(z, run, axis=0).reshape(-1, z.shape[2])
 
 
@@ -181,9 +191,11 @@ def _accept(
     beta: Array,
     random: np.random.Generator,
 ) -> Array:
-    """Make a Metropolis-Hastings step, in place. Returns the fraction of accepted steps of each run.
+    """Make a Metropolis-Hastings step, in place, and return the fraction of accepted steps of each run
+    [runs].
 
-    `log_ratio` is the log ratio of the proposal densities, of the present points over the proposed ones.
+    `proposed` are the new points, as z. `log_ratio` [runs, n] is the log ratio of the proposal densities, of
+    the present points over the proposed ones. Other arguments as for `_walk`.
     """
     chance = np.log(random.random(found.shape))
     of_prior = -0.5 * (np.sum(proposed**2, axis=2) - np.sum(z**2, axis=2))
@@ -203,7 +215,8 @@ def _described(
     levels: int,
     random: np.random.Generator,
 ) -> Posterior:
-    for run in range(CHAINS):  # shuffle, because copies of a point are neighbours
+    # Shuffle the points of each run, because copies of a point are neighbours.
+    for run in range(CHAINS):
         order = random.permutation(z.shape[1])
         z[run], found[run] = z[run][order], found[run][order]
     values = columns(z.reshape(-1, z.shape[2]))

@@ -34,17 +34,18 @@ _OPERATORS: dict[type, Callable[..., Any]] = {
 }
 _FUNCTIONS: dict[str, Callable[..., Any]] = {"sqrt": np.sqrt, "exp": np.exp, "log": np.log}
 _CONSTANTS = {"pi": np.pi}
-_LONGEST = 300  # characters of an expression
+_LONGEST = 300  # largest number of characters of an expression
 # Complex step of the derivatives, relative to the value.
 _STEP = 1e-30
-_NOTHING = 1e-200  # smallest value that a complex step can change
+_NOTHING = 1e-200  # magnitude below which a value counts as 0; the complex step is then relative to 1
 
 
 def names_in(expression: str, of: str) -> list[str]:
-    """Return the names of the parameters in an expression; `of` is the parameter that it defines.
+    """Return the names of the parameters in an expression, as a list without repetition; `of` is the name of
+    the parameter that the expression defines, for errors.
 
     Raises:
-        QuantityError: the expression cannot be read, or contains something that is not allowed.
+        QuantityError: the expression cannot be read, is too long, or contains something that is not allowed.
     """
     found: dict[str, None] = {}
     for node in ast.walk(_read(expression, of)):
@@ -67,7 +68,8 @@ def _read(expression: str, of: str) -> ast.expr:
 
 
 def _check(node: ast.expr) -> None:
-    """Raise ValueError unless the node is allowed arithmetic."""
+    """Raise ValueError unless the syntax node consists of allowed arithmetic: numbers, names, texts,
+    operators, and the known functions."""
     match node:
         case ast.BinOp(left, op, right) if type(op) in _OPERATORS:
             parts = [left, right]
@@ -87,12 +89,13 @@ def _check(node: ast.expr) -> None:
 
 
 def _value(node: Any, names: Mapping[str, Any], quantity: Callable[[str], Any]) -> Any:
-    """Return the value of a checked expression.
+    """Return the value of an expression that `_check` has accepted.
 
     Args:
         node: parsed expression.
-        names: value of each parameter in it, by name.
-        quantity: function that returns the value of a quantity with a unit, such as '0.1 ms', from its text.
+        names: value of each parameter in the expression, by name (a number, an array, or a quantity with a
+            unit).
+        quantity: function from the text of a quantity, such as '0.1 ms', to its value in the same kind.
     """
     match node:
         case ast.BinOp(left, op, right):
@@ -114,6 +117,9 @@ def _in_si(text: str) -> float:
 class Ties:
     """Function from the searched values of a fit to all values, including fixed and tied ones.
 
+    The attributes are `searched`, the searched parameters; `beside`, the fixed and tied ones; and `varying`,
+    the names of all except the fixed ones.
+
     Args:
         parameters: all parameters.
 
@@ -133,7 +139,8 @@ class Ties:
     def _check_units(self, known: Mapping[str, Parameter]) -> None:
         for name, tree in self._order:
             p = known[name]
-            # Only units are checked. The numbers differ, so that no difference in the expression is 0.
+            # Check the units with arbitrary numbers, which differ, so that no difference in the expression is
+            # 0.
             needs = enumerate(names_in(p.tied, name))
             units = {n: with_unit(f"{1.37 + 0.11 * i} {known[n].unit}") for i, n in needs}
             said = f"{name} is tied to {p.tied!r}, "
@@ -151,12 +158,13 @@ class Ties:
                 )
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return all values, numbers or arrays, given the searched ones. Given values are kept, except tied
-        ones."""
+        """Return all values by name, in SI, given the searched ones by name (numbers or arrays). Given values
+        of fixed parameters are kept; tied values are computed."""
         found = {**values, **{n: x for n, x in self._fixed.items() if n not in values}}
         if not self._order:
             return found
-        with np.errstate(all="ignore"):  # trial points may give absurd values that are not finite
+        # Trial points of a search may give absurd values that are not finite.
+        with np.errstate(all="ignore"):
             for name, tree in self._order:
                 made = _value(tree, {n: np.asarray(x)[()] for n, x in found.items()}, _in_si)
                 found[name] = made if isinstance(made, np.ndarray) else float(made)
@@ -165,13 +173,13 @@ class Ties:
     def slopes(
         self, values: Mapping[str, float], by: Sequence[str], of: Sequence[str] | None = None
     ) -> Array:
-        """Return the derivatives of the parameters named `of` by the parameters named `by`, shape (of, by).
-        Parameters tied to those in `by` follow them.
+        """Return the derivatives of the parameters named in `of` by the parameters named in `by`, shape
+        (len(of), len(by)). Parameters tied to those in `by` follow them.
 
         Args:
-            values: values at which the derivatives are taken.
+            values: values by name, in SI, at which the derivatives are taken.
             by: names of the parameters that change.
-            of: names of the parameters to differentiate; by default all except the fixed ones.
+            of: names of the parameters to differentiate; None: all except the fixed ones.
         """
         rows = list(of or self.varying)
         found = np.zeros((len(rows), len(by)))
@@ -187,25 +195,32 @@ class Ties:
         return found
 
     def total(self, columns: Array, values: Mapping[str, float]) -> Array:
-        """Return the total derivatives [n, k] by the searched parameters, given partial derivatives [n, ...]
-        by all parameters except the fixed ones."""
+        """Return the total derivatives [n, k] by the searched parameters, given the partial derivatives
+        `columns` by all parameters except the fixed ones, at these values."""
         return columns @ self.slopes(values, [p.name for p in self.searched]) if self._order else columns
 
     def follow(self, columns: Mapping[str, Array], values: Mapping[str, float], by: Sequence[str]) -> Array:
-        """Return the total derivatives [n, by] by the parameters in `by`, which tied parameters follow, given
-        the partial derivatives [n] by each parameter alone (`columns`)."""
+        """Return the total derivatives of n quantities by the parameters in `by`, which tied parameters
+        follow, shape (n, len(by)).
+
+        Args:
+            columns: partial derivatives [n] by each parameter alone, by the parameter's name.
+            values: values by name, in SI, at which the derivatives are taken.
+            by: names of the parameters.
+        """
         moved = [*by, *(name for name, _ in self._order if name not in by)]
         alone = np.column_stack([columns[name] for name in moved])
         return alone @ self.slopes(values, by, moved) if self._order else alone
 
     def shown(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
-        """Return the searched parameters, then the fixed and tied ones. These have a linear scale unless they
-        are tied and positive."""
+        """Return the searched parameters, then the fixed and tied ones. The latter have a linear scale,
+        except tied ones with a positive value."""
         others = (p._replace(log=p.log and bool(p.tied) and values[p.name] > 0.0) for p in self.beside)
         return (*self.searched, *others)
 
     def extended(self, values: Mapping[str, float], known: Uncertainty) -> Uncertainty:
-        """Return the uncertainty of all `shown` coordinates, linearised, from that of the searched ones.
+        """Return the uncertainty of the coordinates q of all `shown` parameters, linearised, from that of the
+        searched ones (`known`).
 
         A parameter tied to only one value, which is at its bound, is also at a bound; other values at their
         bounds are taken as exact.

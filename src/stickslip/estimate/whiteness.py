@@ -7,19 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-# Largest deviation of a cumulative periodogram, multiplied by the root of its length; one in a hundred
-# recordings of white noise exceeds it.
+# Largest deviation of a cumulative periodogram from that of white noise, multiplied by the root of its
+# length; 1 % of the recordings of white noise exceed this value.
 CRITICAL = 1.63
-FEWEST = 64  # samples, below which the test has no power
+FEWEST = 64  # fewest samples of a recording; with fewer, the test has no power
 
 
 def white(residuals: NDArray[np.float64], sizes: Sequence[int]) -> bool:
     """Return True if the residuals of every recording pass the test of the cumulative periodogram
-    [durbin1969].
+    [durbin1969] for white noise.
 
     The share of the power below each frequency is compared with the share for white noise, as in the
-    Kolmogorov-Smirnov test. A smooth misfit far below the noise fails it, and so does a recording with fewer
-    than `FEWEST` samples.
+    Kolmogorov-Smirnov test. A smooth misfit far below the noise fails the test, and so does a recording with
+    fewer than `FEWEST` samples.
 
     Args:
         residuals: residuals of all recordings, joined, shape (n,).
