@@ -23,9 +23,11 @@ _HEAD = {"title": str, "citations": list, "kind": str}
 
 @record
 class DataSheet(NamedTuple):
-    """Numbers of a data sheet for one axis; None for a number that the sheet does not print.
+    """Numbers of a data sheet for one axis of a linear actuator, in SI or as strings with units; None for a
+    number that the sheet does not print.
 
-    A contradiction among the numbers raises QuantityError with both sides of the relation.
+    `tolerance` is the largest deviation of a number, as a share of its value. A contradiction among the
+    numbers (see the module) raises QuantityError with both sides of the relation.
     """
 
     travel: Annotated[float | None, Quantity("m", "L", "travel of the slider", above=0)] = None
@@ -73,8 +75,12 @@ class DataSheet(NamedTuple):
                 )
 
     def _relations(self) -> Iterator[tuple[str, float, int]]:
-        """Yield for each relation whose numbers are known: its contradiction in words; the factor by which it
-        is violated (at most 1 if it is kept); and how many numbers of the sheet it contains."""
+        """Yield a tuple for each relation of physics between numbers of the sheet that are all known.
+
+        The tuple is: the contradiction in words; the factor by which the relation is violated (at most 1 if
+        it is satisfied); and the count of numbers in it. The relations compare step, speed, forces,
+        stiffness, current and energy.
+        """
         of = self.numbers
 
         def known(*names: str) -> bool:
@@ -93,7 +99,8 @@ class DataSheet(NamedTuple):
             if known(less, more):
                 ratio = of[less] / of[more]
                 yield f"{shown(less)} is above {shown(more)}", ratio, 2
-        # A step measured at another rate is not a bound: near a resonance the stage moves farther.
+        # The speed is at most the step rate times the step. This does not hold if the step was measured at
+        # another rate than the speed, because the stage moves farther near a resonance.
         elsewhere = self.step_frequency is not None and self.step_frequency != self.frequency
         if known("speed", "frequency", "step") and not elsewhere:
             most = of["frequency"] * of["step"]
@@ -121,13 +128,15 @@ class DataSheet(NamedTuple):
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Return the numbers that the sheet prints, by name, in SI."""
+        """Return the numbers that the sheet prints, by field, in SI, without `tolerance`; `min_voltage` is
+        always included."""
         given = {name: getattr(self, name) for name in quantities(DataSheet)}
         return {name: value for name, value in given.items() if value is not None and name != "tolerance"}
 
 
 class SheetSource(NamedTuple):
-    """A data sheet, the keys of its references (`citations`), and the source of each number by name."""
+    """A data `sheet`, the keys of its references (`citations`), and `sources`: for each number by name its
+    source in words, or "assumed: " and the reason."""
 
     sheet: DataSheet
     citations: tuple[str, ...]

@@ -80,7 +80,8 @@ def step_map(
     """Return the steady step over all combinations of the given values.
 
     Each of voltage, frequency, load, direction and the parameters is a list of values, which becomes a
-    dimension, or one number; all in SI or as strings with units.
+    dimension, or one number; all in SI or as strings with units. For a rotary actuator, rad replaces m and N
+    m replaces N everywhere.
 
     Args:
         model: the actuator.

@@ -42,11 +42,11 @@ from ..waveform.members import member_of
 
 Array = NDArray[np.float64]
 
-# Samples per vibration of the stage, and their spacing relative to the time since the drive last changed its
-# slope.
+# PER_CYCLE: number of samples per period of the fastest vibration, just after the drive has changed its
+# slope. GROWTH: spacing of later samples as a fraction of the time since that change.
 PER_CYCLE, GROWTH = 32.0, 0.02
-# Largest backward change of the static stroke C u between two samples that counts as rounding, relative to
-# its range.
+# Largest backward change of the static stroke C u between two samples, relative to the range of C u within
+# the period, that counts as a rounding error and not as a backward motion of the drive.
 STILL = 1e-9
 # Smallest ratio of the drive's fastest backward to its fastest forward speed at which ringing is computed.
 # With a smaller one the fast stroke is along the walk, and no slip precedes a ringing. It is below 1 so that
@@ -64,22 +64,26 @@ def within_a_period(
     tolerance: float,
     names: Collection[str],
 ) -> dict[str, Array]:
-    """Return the named quantities of members (points of a map), by name, arrays [members], in m (the backward
-    rate without unit); NaN for members without a periodic orbit.
+    """Return quantities of the motion within a period for members (points of a map), by name, arrays
+    [members].
+
+    Backlash, ringing and ripple are in m, or rad for a rotary actuator; the backward rate has no unit. They
+    are NaN for members without a periodic orbit; see the module for the definitions.
 
     Args:
         model: the actuator.
         of: the members, with states on their periodic orbits.
-        columns: varied fields by name, arrays [members].
+        columns: varied fields of model and drive by name, SI, arrays [members].
         found: periodic orbits with the net steps.
         fine: mask [members] of those with a periodic orbit.
-        tolerance: tolerance of the simulation, m.
-        names: "backlash", "backward_rate", "ringing", "ripple".
+        tolerance: tolerance of the simulation, m, or rad for a rotary actuator.
+        names: quantities to compute: "backlash", "backward_rate", "ringing", "ripple".
     """
     backlash, backward, ringing, ripple = np.full((4, fine.size), np.nan)
     gains = columns.get("gain", np.full(fine.size, model.gain))
     drives, which = of.drives, of.which
-    # Indices of members whose drives change slope at the same times: they have the same sample times.
+    # Groups of members whose drives have the same period and change slope at the same times. The members of a
+    # group have the same sample times, so they are simulated in one call.
     of_same: dict[bytes, list[int]] = {}
     for m in np.flatnonzero(fine).tolist():
         key = drives.start[which[m]].tobytes() + of.ends[m].tobytes()
@@ -101,11 +105,17 @@ def within_a_period(
 
 
 def backward_rate(position: ArrayLike) -> float:
-    """Return the backward rate of a steady walk: its farthest way back over its way forward; NaN without any
-    motion.
+    """Return the backward rate of a steady walk, from 0 to 1; NaN without any motion.
+
+    The backward rate is the largest backward motion b within a period over the forward motion s + b, with the
+    net step s.
 
     Args:
-        position: m, of the end-effector over one period, both ends included.
+        position: samples of the end-effector's position over one period, both ends included, in m or with
+            units.
+
+    Raises:
+        QuantityError: there are fewer than two samples, or they have another unit.
     """
     x = array_si(position, "m", "position").ravel()
     if x.size < 2:
@@ -117,15 +127,22 @@ def backward_rate(position: ArrayLike) -> float:
 
 
 def _of_way_forward(back: Any, step: Any) -> Any:
-    """Return the backward rate b / (s + b) of a backward motion b [m] and a net step s [m]; NaN if both are
-    0."""
+    """Return the backward rate b / (s + b) of a backward motion b (`back`) and a net step s (`step`), both >=
+    0 and in the same unit; NaN if both are 0."""
     with np.errstate(invalid="ignore"):
         return np.divide(back, back + step)
 
 
 def sample_times(breaks: Array, period: float, rate: float) -> Array:
-    """Return sample times [s] within one period; they are denser after each break (change of slope), with a
-    spacing in proportion to the time since it. `rate` [rad/s] is the fastest angular frequency to resolve."""
+    """Return ascending sample times [s] within one period, from 0; they are denser after each change of
+    slope.
+
+    Args:
+        breaks: times at which the drive changes its slope, s, ascending from 0.
+        period: period of the drive, s.
+        rate: fastest angular frequency to resolve, rad/s. `PER_CYCLE` samples resolve its period after a
+            break; later the spacing grows in proportion to the time since the break.
+    """
     finest = min(2.0 * np.pi / rate / PER_CYCLE, period / 64.0)
     first = np.arange(0.0, finest / GROWTH, finest)
     most = max(period / first[-1], 1.0)
@@ -133,21 +150,23 @@ def sample_times(breaks: Array, period: float, rate: float) -> Array:
     since = np.append(first, later)
     ends = np.append(breaks[1:], period)
     parts = [b + since[since < e - b] for b, e in zip(breaks, ends, strict=True)]
-    # One sample just before each jump, always at the same distance: speeds of jumps are compared.
+    # Add a sample just before each break. The distance is the same for all breaks, because `measured`
+    # compares the speeds of jumps, computed as their height over this distance.
     before = ends[ends < period] - 1e-12 * period
     found = np.unique(np.concatenate([*parts, before, [period * (1.0 - 1e-12)]]))
     return found[found < period]
 
 
 def _followed(of: Members, rows: NDArray[np.int64], period: float, times: Array, tolerance: float) -> Array:
-    """Return the end-effector's positions over one period, [members, times], m.
+    """Simulate one period of some members; return the end-effector's positions, [members, times], m, or rad
+    for a rotary actuator.
 
     Args:
-        of: members, with states on their periodic orbits.
-        rows: indices of the members.
+        of: all members, with states on their periodic orbits.
+        rows: indices of the members to simulate.
         period: period of their drives, s.
-        times: sample times, s.
-        tolerance: tolerance of the simulation, m.
+        times: sample times within the period, s.
+        tolerance: tolerance of the simulation, in the unit of the position.
     """
     outcomes, spans = np.full(rows.size, DONE, np.int64), np.tile([0.0, period], (rows.size, 1))
     return integrate_members(
@@ -166,15 +185,21 @@ def _followed(of: Members, rows: NDArray[np.int64], period: float, times: Array,
 
 
 def measured(times: Array, period: float, position: Array, stroke: Array, step: Array) -> tuple[Array, Array]:
-    """Return backlash and ringing of members, m, [members] each.
+    """Return backlash and ringing of members (see the module), [members] each, in the unit of the positions.
+
+    Ringing is NaN if the fast stroke of the drive is along the walk.
 
     Args:
-        times, period: s; the first time is 0.
-        position, stroke: x and C u along the walk, m, over one period, [members, times].
-        step: net step, m, [members], >= 0.
+        times: sample times of one period, s; the first one is 0.
+        period: period of the drives, s.
+        position: position x of the end-effector, positive in the direction of the walk, m or rad, [members,
+            times].
+        stroke: static stroke C u of the voltage in the same direction and unit, [members, times].
+        step: net step per period, >= 0, in the same unit, [members].
     """
     n, rows = position.shape[1], np.arange(step.size)
-    # Three periods: a backlash that starts in the first ends within the third.
+    # The walk is continued over three periods: a backlash that starts in the first period, and the ringing
+    # after it, end within the third.
     x = np.tile(position, (1, 3)) + np.repeat(np.arange(3.0), n) * step[:, None]
     fallen = np.maximum.accumulate(x[:, : 2 * n], axis=1) - x[:, : 2 * n]
     trough = np.argmax(fallen, axis=1)
@@ -192,8 +217,8 @@ def measured(times: Array, period: float, position: Array, stroke: Array, step: 
 
 
 def _first(true: NDArray[np.bool_], begin: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return, for each row, the index of the first true column from index `begin` [rows] on; the last column
-    if there is none."""
+    """Return for each row of the mask `true` [rows, columns] the index of its first True from column `begin`
+    [rows] on; the index of the last column if there is no True."""
     place = np.arange(true.shape[1])
     later = true & (place >= begin[:, None])
     return np.where(later.any(axis=1), np.argmax(later, axis=1), true.shape[1] - 1)

@@ -16,21 +16,22 @@ from .polygons import Polygons
 from .solving import solved
 
 Array = NDArray[np.float64]
-# Tolerances of the net step, m, for the search and for the result. They are small because at an optimum the
-# contact may be at the limit of slip. If the periodic motion is not found at one tolerance, the next is
-# tried.
+# Tolerances of the net step, m (rad for a rotary actuator), for a search and, in the order in which they are
+# tried, for its result: if the periodic motion is not found at one tolerance, the next is used. They are
+# small because at an optimum the contact may be at the limit of slip.
 SEARCHED = 1e-8
 REPORTED = (1e-11, 1e-12, 1e-10, 1e-9, 1e-8)
-# Tolerances of the net step, m, of a result with a static friction law: without derivatives the periodic
-# motion is found slowly.
+# The same tolerances for a result with a static friction law. They are larger, because such a law has no
+# derivatives, without which the search for a periodic motion is slow.
 REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
 
 
 class PeriodicMotions(NamedTuple):
     """Periodic motion of each drive under each condition: arrays of shape (n, conditions).
 
-    `steps` are net steps, m. `ripple`, m, and `backward_rate` are computed if requested (see
-    `design.motion`). Values that are not requested, or without a periodic motion, are NaN.
+    `steps` are net steps per period, m, or rad for a rotary actuator. `ripple`, in the same unit, and
+    `backward_rate` (0 to 1) are computed if requested (see `design.motion`). Values that are not requested,
+    or of a drive without a periodic motion, are NaN.
     """
 
     steps: Array
@@ -38,7 +39,7 @@ class PeriodicMotions(NamedTuple):
     backward_rate: Array
 
     def of(self, i: int) -> PeriodicMotions:
-        """Return the motion of drive number i."""
+        """Return the motion of drive number i under each condition, arrays of shape (1, conditions)."""
         return PeriodicMotions(*(column[i][None] for column in self))
 
 
@@ -50,16 +51,16 @@ def moved(
     own: Mapping[str, Array] | None = None,
     extras: tuple[str, ...] = (),
 ) -> PeriodicMotions:
-    """Return the periodic motion of each drive under each condition, shape (n, conditions).
-
-    The tolerance is that of the search.
+    """Return the periodic motion of each drive under each condition, shape (n, conditions), at the tolerance
+    of a search (`SEARCHED`). Raises KeyboardInterrupt if Ctrl-C stops the computation.
 
     Args:
         model: the actuator.
         shapes: n drives, each a polygon.
-        columns: parameters of the conditions by name, arrays [conditions], the same for all drives.
+        columns: values of the model's fields in each condition by name, SI, arrays [conditions], the same for
+            all drives.
         threads: number of threads; None: all processors.
-        own: parameters that differ between drives, by name, arrays [n, conditions].
+        own: values of fields that differ between drives, by name, SI, arrays [n, conditions].
         extras: names of the requested results besides the net step: "ripple", "backward_rate".
     """
     n, own = len(shapes.period), own or {}
@@ -85,7 +86,7 @@ def exactly(
     extras: tuple[str, ...] = (),
 ) -> PeriodicMotions:
     """Return the periodic motion of each drive under each condition, shape (drives, conditions), at the
-    tolerances of a result, which are tried in turn.
+    tolerances of a result (`REPORTED`), which are tried in turn. Raises KeyboardInterrupt on Ctrl-C.
 
     Args:
         model, columns, threads, extras: as for `moved`.
@@ -118,8 +119,8 @@ def _solved(
     Args:
         model: the actuator.
         drive: the drive.
-        members: varied parameters of the model or the drive, by name, arrays [members].
-        tolerance: tolerance of the net step, m.
+        members: varied fields of the model or the drive, by name, SI, arrays [members].
+        tolerance: tolerance of the net step, m, or rad for a rotary actuator.
         threads: see `moved`.
         extras: see `moved`.
 

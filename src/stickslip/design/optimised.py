@@ -21,9 +21,10 @@ from ..waveform.sampled import Sampled
 from .scenarios import NOMINAL, ScenarioTable
 
 Array = NDArray[np.float64]
-# Number of periods after which `motion_by` takes the motion as periodic; and number of points in its period.
+# SETTLED: number of simulated periods after which `motion_by` treats the motion as periodic. POINTS: number
+# of points of the period that `motion_by` returns.
 SETTLED, POINTS = 200, 401
-# Largest number of conditions that a report lists.
+# Largest number of conditions that a report lists: the unchanged model and the worst ones.
 MOST_LINES = 12
 
 
@@ -41,8 +42,8 @@ class OptimisedWaveform:
             `sawtooth_value` is the goal that it reaches.
         goal, model, conditions, quantile: what the search was for: goal, actuator, conditions, and the
             quantile over them (0: the worst).
-        values, speeds: goal and speed [m/s] of the drive in every condition; `sawtooth_values`,
-            `sawtooth_speeds` are the same for the sawtooth.
+        values, speeds: goal [SI] and speed [m/s, or rad/s for a rotary actuator] of the drive in every
+            condition; `sawtooth_values`, `sawtooth_speeds` are the same for the sawtooth.
         evaluations: number of computed periodic motions.
         fell_back: True if the drive is the sawtooth itself, because no drive was found that is at least as
             good in every condition.
@@ -80,8 +81,11 @@ class OptimisedWaveform:
 
     @property
     def comparison(self) -> xr.Dataset:
-        """Return the goal in each condition, over "scenario": `value` with the drive and `sawtooth` with the
-        best sawtooth, in the unit of the goal; and the changed quantities of each condition, SI."""
+        """Return the goal in each condition as a Dataset over "scenario" (names of the conditions).
+
+        Variables: `value` with the drive and `sawtooth` with the best sawtooth, in the unit of the goal; and
+        each quantity that the conditions change, by its name, SI.
+        """
         of_goal = {"units": self.unit, "long_name": self.goal.label}
         data: dict[str, Any] = {
             name: ("scenario", column) for name, column in self.conditions.columns.items()
@@ -92,7 +96,7 @@ class OptimisedWaveform:
 
     @property
     def table(self) -> Any:
-        """Return `comparison` as a pandas DataFrame."""
+        """Return `comparison` as a pandas DataFrame with a row per condition."""
         return self.comparison.to_dataframe()
 
     def motion(self) -> xr.Dataset:
@@ -101,7 +105,7 @@ class OptimisedWaveform:
         return motion_by(model, {"optimised": self.at_piezo, "sawtooth": self.sawtooth_at_piezo})
 
     def report(self) -> str:
-        """Return the result in words, with the worst conditions."""
+        """Return the result as text, with a line for each of the worst conditions."""
         unit, count = self.unit, len(self.conditions.names)
         how = "in the model as it is"
         if count > 1:
@@ -143,8 +147,15 @@ class OptimisedWaveform:
 
 
 def motion_by(model: Actuator, drives: Mapping[str, Any]) -> xr.Dataset:
-    """Return voltage and displacement [m] of the end-effector within a period of the periodic motion, over
-    "drive" (by name) and "phase" (share of the period).
+    """Simulate some drives; return the motion within one period as a Dataset over "drive" and "phase".
+
+    Variables: `drive_voltage`, V; `end_effector_position` from the start of the period, m, or rad for a
+    rotary actuator; and `period`, s, of each drive. "phase" is the time as a share of the period. The period
+    follows `SETTLED` simulated ones.
+
+    Args:
+        model: the actuator.
+        drives: periodic waveforms by name, V.
 
     Raises:
         QuantityError, SimulationError: as `simulate`.

@@ -1,5 +1,7 @@
-"""Closed polygons of the drive voltage over one period, many at once: they are made from the coordinates of a
-drive search, and kept within its limits."""
+"""Periodic polygons of the drive voltage, many at once: the candidates of a search for drives.
+
+They are made from search points (coordinates from 0 to 1), and kept within the limits of the drive.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +15,15 @@ from ..waveform.periodic import Sawtooth
 from .limits import Allowed
 
 Array = NDArray[np.float64]
-# Shortest flank relative to the period, such as the fall of a sawtooth.
+# Shortest duration of a sawtooth's rise or fall, relative to the period.
 STEEPEST = 1e-3
 
 
 class Polygons(NamedTuple):
     """Periodic polygons [n] of the drive voltage.
 
-    Fields: `shares` [n, k] of the period, ascending from 0; `volts` [n, k] there; and `period` [n], s.
+    Fields: `shares` [n, k], times of the k corners as shares of the period, ascending from 0; `volts` [n, k],
+    voltages at the corners; and `period` [n], s. The last side returns to the first corner.
     """
 
     shares: Array
@@ -35,7 +38,8 @@ class Polygons(NamedTuple):
         return np.diff(self.shares, append=1.0) * self.period[:, None]
 
     def within(self, allowed: Allowed) -> Polygons:
-        """Return the polygons, each flattened about its middle until its steepest side is allowed."""
+        """Return the polygons, each scaled about the middle of its voltage range until its steepest side is
+        allowed, and clipped to the allowed voltages."""
         steepest = np.abs(self.slopes()).max(axis=1)
         with np.errstate(divide="ignore"):
             scale = np.minimum(1.0, allowed.slope / steepest)[:, None]
@@ -44,7 +48,7 @@ class Polygons(NamedTuple):
         return self._replace(volts=np.clip(flat, allowed.low, allowed.high))
 
     def one(self, i: int) -> PeriodicKnots:
-        """Return one polygon as a waveform."""
+        """Return polygon number i as a waveform."""
         period = float(self.period[i])
         return PeriodicKnots(tuple((self.shares[i] * period).tolist()), tuple(self.volts[i].tolist()), period)
 
@@ -58,9 +62,11 @@ class Polygons(NamedTuple):
 
 
 def knots(x: Array, allowed: Allowed) -> Polygons:
-    """Return polygons of search points, each coordinate 0 to 1.
+    """Return the polygons of search points `x` [n, k + 1], each coordinate from 0 to 1.
 
-    Coordinates are the values at even times [n, k], and last the frequency on a logarithmic scale.
+    The first k coordinates are voltages at equidistant times, from the lowest to the highest allowed voltage.
+    The last one is the frequency, on a logarithmic scale over the allowed range. Too steep polygons are
+    scaled.
     """
     count = x.shape[1] - 1
     shares = np.tile(np.arange(count) / count, (len(x), 1))
@@ -70,8 +76,11 @@ def knots(x: Array, allowed: Allowed) -> Polygons:
 
 
 def as_knots(shape: Polygons, count: int, allowed: Allowed) -> Array:
-    """Return the point of `knots`, each coordinate 0 to 1, for a polygon (the first of `shape`) sampled at
-    `count` equidistant times; values beyond the allowed ranges are clipped."""
+    """Return the search point of `knots`, [count + 1] from 0 to 1, of a polygon (the first of `shape`).
+
+    The polygon is sampled at `count` equidistant times. Voltages and frequency beyond the allowed ranges are
+    clipped.
+    """
     at, period = np.arange(count) / count, float(shape.period[0])
     volts = np.interp(at, np.append(shape.shares[0], 1.0), np.append(shape.volts[0], shape.volts[0, 0]))
     span = np.log(allowed.fastest / allowed.slowest)
@@ -80,16 +89,24 @@ def as_knots(shape: Polygons, count: int, allowed: Allowed) -> Array:
 
 
 def starts(sawtooth: Polygons, count: int, allowed: Allowed) -> Array:
-    """Return three initial points of a search for `knots`, at the frequency of a sawtooth: the sawtooth, a
-    ramp in its direction over 0.1 to 0.9 of the voltage range, and a constant voltage in mid-range."""
+    """Return three initial points of a search for `knots`, [3, count + 1], at the frequency of a sawtooth.
+
+    They are the sawtooth itself, a ramp in the direction of its slow flank over 0.1 to 0.9 of the voltage
+    range, and a constant voltage in mid-range.
+    """
     first = as_knots(sawtooth, count, allowed)
     ramp = np.linspace(0.1, 0.9, count)[:: 1 if sawtooth.shares[0, 1] > 0.5 else -1]
     return np.array([first, np.append(ramp, first[-1]), np.append(np.full(count, 0.5), first[-1])])
 
 
 def sawtooths(x: Array, allowed: Allowed) -> Polygons:
-    """Return sawtooths from search points [n, 3]: share of the rise in the period, frequency (logarithmic
-    scale) and swing, each 0 to 1. Points [n, 2] have the largest swing that the slope limit allows."""
+    """Return the sawtooths of search points `x` [n, 3], each coordinate from 0 to 1, as polygons of two
+    corners.
+
+    The coordinates are the share of the rise in the period, the frequency (logarithmic scale over the allowed
+    range) and the swing from the lowest allowed voltage. Points [n, 2] have the whole swing. The swing is
+    reduced if a flank is too steep.
+    """
     rise = STEEPEST + (1.0 - 2.0 * STEEPEST) * x[:, 0]
     shares = np.stack([np.zeros_like(rise), rise], axis=1)
     swing = allowed.swing * (x[:, 2] if x.shape[1] > 2 else np.ones(len(x)))

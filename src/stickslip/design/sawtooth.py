@@ -10,21 +10,26 @@ import numpy as np
 from .search import Array, Judge, Merits, worst_of
 
 FREQUENCIES = 25
-# Number of zooms after the scan, points along each axis of a zoom, and its size relative to the previous one.
+# After the scan, finer grids around the best sawtooth are computed in turn (zooms over rise and frequency).
+# ZOOMS: number of these grids; POINTS: their points along each axis; NARROWER: size relative to the previous
+# one.
 ZOOMS, POINTS, NARROWER = 4, 5, 0.4
-# Later zooms along the swing alone, to reach a given step size: half widths of the range, and points.
+# Then the swing alone is refined, to reach a given step size. SWINGS: half-widths of the range of each
+# refinement, as shares of the whole swing; LINE: its points, relative to the half-width.
 SWINGS, LINE = (0.5, 0.05, 5e-3, 5e-4, 5e-5), np.linspace(-1.0, 1.0, 21)
 
 
 def best_sawtooth(merits: Merits, judge: Judge, count: int, swings: Sequence[float]) -> tuple[Array, int]:
-    """Return the best sawtooth, a point of `sawtooths` [rise, frequency, swing] with coordinates from 0 to 1,
-    and the number of computed periodic motions.
+    """Return the best sawtooth, a point of `polygons.sawtooths` [rise, frequency, swing] with coordinates
+    from 0 to 1, and the number of computed periodic motions.
 
     Args:
-        merits: function of points [n, 3] and indices of conditions that returns merits [n, conditions].
+        merits: function of points [n, 3] and indices of conditions that returns merits [n, conditions], to be
+            maximised.
         judge: conversion of the merits of a candidate to one number.
-        count: number of conditions. The scan uses the first one, and then the worst ones of its result.
-        swings: swings at which the search starts, as shares of the voltage range.
+        count: number of conditions. The grid is scanned in the first condition alone, then in the worst
+            conditions of the best sawtooth.
+        swings: swings of the scanned sawtooths, as shares of the allowed voltage range.
     """
     everything = np.arange(count)
     # Shares of the rise near 0 and 1 (a steep rise or fall) are tried more densely: the best ones are there.
@@ -49,7 +54,8 @@ def best_sawtooth(merits: Merits, judge: Judge, count: int, swings: Sequence[flo
         best = near[int(np.argmax(judge.score(found, active)))]
         half = half * NARROWER
     for reach in SWINGS:
-        near = np.tile(best, (LINE.size + 1, 1))  # the first row stays the best sawtooth so far
+        # The first row stays the best sawtooth so far; the others vary its swing.
+        near = np.tile(best, (LINE.size + 1, 1))
         near[1:, 2] = np.clip(best[2] + reach * LINE, 0.0, 1.0)
         found = merits(near, active)
         spent += len(near) * active.size

@@ -19,8 +19,8 @@ from ..simulation.varied import element_of, free_names, law_of, with_values
 from ..study.drawn import NOT_OF_ACTUATOR, draws_in_si
 
 Array = NDArray[np.float64]
-# Kinds of uncertainty of an actuator: posterior, fit (its covariance), or arrays of draws by parameter name,
-# of which equal indices belong together.
+# Types that describe the uncertainty of an actuator: a posterior; a fit (its covariance); or arrays of draws
+# by parameter name, in SI or with units, in which equal indices belong to the same draw.
 Uncertainty = Posterior | Fit | Mapping[str, Any]
 NOMINAL = "nominal"
 _FACTOR = Quantity("", "", "a factor")
@@ -68,7 +68,8 @@ class Scenario:
 
 
 class ScenarioTable(NamedTuple):
-    """Names of all conditions, and columns of the varied values, with one value for each condition."""
+    """Conditions in which a drive is judged: their `names`, and `columns`, arrays [conditions] by the name of
+    each value that a condition changes, SI."""
 
     names: tuple[str, ...]
     columns: dict[str, Array]
@@ -91,11 +92,11 @@ def conditions_of(
         model: the actuator.
         scenarios: scenarios, or mappings with the arguments of `Scenario`.
         uncertainty: uncertainty of the model; None: no draws.
-        draws: number of draws.
+        draws: number of draws from the uncertainty.
         seed: seed of the draws.
 
     Raises:
-        QuantityError: a name that the model does not have, a value out of range.
+        QuantityError: a name that the model does not have, a value out of range, or as `drawn`.
     """
     if isinstance(scenarios, Scenario | Mapping | str):
         raise QuantityError(f"scenarios = {scenarios!r:.60} must be a list of them")
@@ -115,7 +116,8 @@ def conditions_of(
         columns[key] = np.array(
             [one[key] if key in one else own(base, key) for one, base in zip(found, bases, strict=True)]
         )
-    for one in found:  # report values out of range before the search starts
+    # Values out of range raise an error here, before the search starts.
+    for one in found:
         with_values(model, {key: value for key, value in one.items() if key not in SCALES})
     return ScenarioTable(tuple(name or NOMINAL for name in names), columns)
 
@@ -129,7 +131,12 @@ def _scenario(given: Scenario | Mapping[str, Any]) -> Scenario:
 
 
 def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
-    """Return the values that a scenario gives a model, by name, SI; a factor multiplies the model's value."""
+    """Return the values that a scenario changes in a model, by name, SI; a factor multiplies the model's
+    value.
+
+    Raises:
+        QuantityError: a name that the model does not have, or a value out of range.
+    """
     known = [*free_names(model), *SCALES]
     for name in (*case.values, *case.factors):
         if name not in known:
@@ -152,8 +159,11 @@ def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
 
 
 def own(model: Actuator, name: str) -> float:
-    """Return a model's own value, SI, of a field of the actuator or its law, an element of a list in the law,
-    or a ratio such as "stiction_ratio"; 1 for the scales "load" and "drive_scale"."""
+    """Return a model's own value of a variable quantity by its name, SI.
+
+    The name is that of a field of the actuator or its law, an element of a list in the law, or a ratio
+    ("stiction_ratio", "breakaway_share"). The scales "load" and "drive_scale" have the value 1.
+    """
     law = law_of(model)
     if name in SCALES:
         return 1.0
@@ -179,7 +189,8 @@ def drawn(model: Actuator, source: Uncertainty, count: int, seed: int) -> list[d
         seed: seed of the draws.
 
     Raises:
-        QuantityError: a parameter that the model does not have, or a fit without uncertainty.
+        QuantityError: a parameter that the model does not have, no parameter of the actuator, arrays of
+            unequal length, or a fit whose covariance is not finite.
     """
     random = np.random.default_rng([seed, 64])
     if isinstance(source, Posterior):

@@ -23,39 +23,47 @@ from ..quantities.units import QuantityError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-# Function of candidates [n, coordinates from 0 to 1] and indices of conditions that returns merits
-# [n, conditions], to be maximised; NaN without a periodic motion.
+# Type of the function that a search maximises. Its arguments are candidates [n, coordinates from 0 to 1] and
+# indices of conditions; it returns merits [n, conditions], NaN without a periodic motion.
 Merits = Callable[[Array, Index], Array]
 
-# Shares of the budget: for one round of random candidates, and for random candidates and generations of
-# differential evolution together. Largest population of the latter, absolute and relative to the budget; and
-# number of candidates in a generation of CMA-ES.
+# SCOUTS: share of the budget (number of candidates) for one round of random candidates. FOR_HILL: share of
+# the budget for these and for differential evolution together.
+# POPULATION, OF_BUDGET: largest population of differential evolution, as a number and as a share of the
+# budget. GENERATION: number of candidates in a generation of CMA-ES.
 SCOUTS, FOR_HILL = 0.125, 0.5
 POPULATION, OF_BUDGET, GENERATION = 50, 0.025, 16
-# Largest number of rounds of random candidates. They end when the best score exceeds the median by this share
-# of the scale of merits: if most drives cause no motion, more must be tried.
+# LOOKS: largest number of rounds of random candidates. LEVEL: the rounds end when the best score exceeds the
+# median by this share of the scale of merits. If most drives cause no motion, more must be tried.
 LOOKS, LEVEL = 4, 0.02
-# Initial spread of CMA-ES, relative to the range: from a single initial guess, and near an earlier result.
+# Initial standard deviation of the coordinates (0 to 1) in CMA-ES: WIDE from a single initial guess, NEAR
+# around the result of an earlier search.
 WIDE, NEAR = 0.3, 0.08
-# Distance of the initial points of an evolution from the bounds.
+# Smallest distance of the initial point of CMA-ES from the bounds 0 and 1 of each coordinate.
 INSIDE = 0.02
-# Largest number of conditions that one round adds to those by which candidates are judged (half by merit,
-# half by shortfall below the baseline); and largest number of rounds.
+# ACTIVE: largest number of conditions that one round adds to those by which candidates are judged (half by
+# merit, half by shortfall below the baseline). ROUNDS: largest number of rounds.
 ACTIVE, ROUNDS = 4, 4
-# Ratio of the budget to that of the second and later rounds with several conditions; the first takes half.
+# Divisor of the budget for the second and each later round with several conditions; the first round uses half
+# of the budget.
 LATER = 6
-# Number of conditions that represent all conditions for a quantile.
+# Largest number of conditions that represent all conditions if candidates are judged by a quantile.
 RANKS = 24
-# Smallest gain for which a search continues, relative to the scale of merits.
+# Smallest gain of the score in a round, relative to the scale of merits, after which another round follows.
 GAIN = 2e-5
 DOING = "searching for a drive signal"
-# Weight of a shortfall in the merit: below the baseline, the minimum speed or the holding force.
+# Factor of the penalty in a merit or score for a shortfall below the baseline, the minimum speed or the
+# required holding force.
 SHORTFALL = 10.0
 
 
 class Judge(NamedTuple):
-    """Conversion of a candidate's merits under several conditions to one score: their `quantile` (0: the
-    worst), minus a penalty for merits below `baseline` [conditions]; `scale`: size of a typical merit."""
+    """Conversion of a candidate's merits under several conditions to one score, which a search maximises.
+
+    The score is the `quantile` of the merits (0: the worst), minus a penalty for merits below the `baseline`
+    [conditions] (None: no penalty). `scale` is the size of a typical merit, by which a candidate without a
+    periodic motion gets a low score.
+    """
 
     quantile: float
     baseline: Array | None
@@ -72,8 +80,12 @@ class Judge(NamedTuple):
 
 
 class Task(NamedTuple):
-    """A search: function of the `merits`, `judge` that converts them to a score, number of `conditions`,
-    `budget` of candidates, generator of random numbers, and progress function."""
+    """Search for the candidate with the highest score.
+
+    Fields: function of the `merits`; `judge`, which converts merits to a score; number of `conditions`;
+    `budget`, number of candidates in the first search; generator of `random` numbers; and `progress`, called
+    with activity and finished fraction.
+    """
 
     merits: Merits
     judge: Judge
@@ -84,8 +96,9 @@ class Task(NamedTuple):
 
 
 class Best(NamedTuple):
-    """Result of a search: the point `x`, its `score` under all conditions, the number of computed periodic
-    motions (`evaluations`), and True if Ctrl-C stopped the search."""
+    """Result of a search: the best point `x` [coordinates from 0 to 1], its `score` under all conditions, the
+    number of computed periodic motions (`evaluations`), and `interrupted`, True if Ctrl-C stopped the
+    search."""
 
     x: Array
     score: float
@@ -98,8 +111,11 @@ def robust(task: Task, starts: Array) -> Best:
 
     Args:
         task: the search.
-        starts: initial guesses [n, coordinates]. With a single one and one condition, only CMA-ES near it is
-            used.
+        starts: initial guesses [n, coordinates]. With a single initial guess and one condition, the search is
+            CMA-ES from this guess alone.
+
+    Raises:
+        QuantityError: the package cma is not installed.
     """
     everything = np.arange(task.conditions)
     merits = task.merits(starts, everything)
@@ -109,7 +125,8 @@ def robust(task: Task, starts: Array) -> Best:
     active = worst_of(merits[first], task.judge, np.zeros(0, np.int64))
     begin, spread, share, begun = starts[first], WIDE, task.budget, 0.0
     if len(starts) > 1 or task.conditions > 1:
-        begun = 1.0 if task.conditions == 1 else 0.5  # share of the progress for the search in one condition
+        # The search in one condition takes this share of the progress.
+        begun = 1.0 if task.conditions == 1 else 0.5
         part = task._replace(progress=lambda doing, done: task.progress(doing, begun * done))
         begin, tried, stopped = _of_one(part, starts, _worst(merits[first]))
         found = task.merits(begin[None], everything)
@@ -142,16 +159,18 @@ def robust(task: Task, starts: Array) -> Best:
 
 
 def _worst(merits: Array) -> Index:
-    """Return the index of the worst condition, [1]."""
+    """Return the index of the worst condition, as an array of one element, from a candidate's merits
+    [conditions]; a condition without a periodic motion (NaN) is worst."""
     return np.array([int(np.argmin(np.where(np.isnan(merits), -np.inf, merits)))])
 
 
 def _of_one(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
-    """Return the best candidate in one condition, the number of candidates computed, and True if the search
-    was stopped.
+    """Search in one condition by differential evolution, then CMA-ES; return the best candidate, the number
+    of computed candidates, and True if Ctrl-C stopped the search.
 
-    The baseline is not used with several conditions: far from it every drive falls short in some condition,
-    which would lead the search back to it.
+    If the task has several conditions, its baseline (the merits of the best sawtooth) is not used here:
+    almost every other drive is worse than the baseline in some condition, so the penalty would lead back to
+    the sawtooth. `which` is the index of the condition, [1].
     """
     if task.conditions > 1:
         task = task._replace(judge=Judge(0.0, None, task.judge.scale))
@@ -166,8 +185,12 @@ def _of_one(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
 
 
 def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
-    """Return the best point of differential evolution, the number of computed candidates, and True if Ctrl-C
-    stopped it. The population starts as the initial guesses `starts` and the best of random candidates."""
+    """Search by differential evolution; return the best point, the number of computed candidates, and True if
+    Ctrl-C stopped the search.
+
+    The initial population is the initial guesses `starts` [n, coordinates] and the best of random candidates.
+    `which` are indices of the conditions by which candidates are judged.
+    """
     x, scores = starts, task.judge.score(task.merits(starts, which), which)
     for _ in range(LOOKS):
         more = task.random.random((round(SCOUTS * task.budget), starts.shape[1]))
@@ -180,7 +203,8 @@ def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
     population = np.concatenate([starts, x[len(starts) + random]])
     k = int(np.argmax(scores))
     best, tried = (float(scores[k]), x[k]), len(x)
-    if len(population) < 5:  # SciPy's differential evolution needs at least five candidates
+    # SciPy's differential evolution needs at least five candidates.
+    if len(population) < 5:
         return best[1], tried, False
 
     def cost(columns: Array) -> Array:
@@ -205,12 +229,15 @@ def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
 
 
 def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
-    """Return the indices of the conditions by which candidates are judged next: the previous ones, and those
-    in which a candidate is worst; for a quantile, conditions of all ranks.
+    """Return the ascending indices of the conditions by which candidates are judged next.
+
+    They are the previous ones, those in which the best candidate has the lowest merits, and those in which
+    its merits are farthest below the baseline. For a quantile, they are conditions of all ranks instead of
+    the worst.
 
     Args:
-        merits: merits of the best candidate in all conditions.
-        judge: its quantile and baseline.
+        merits: merits of the best candidate in all conditions, [conditions].
+        judge: quantile, and baseline or None.
         before: indices of the previous conditions.
     """
     missing = np.where(np.isnan(merits), -np.inf, merits)
@@ -226,7 +253,8 @@ def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
 
 
 def evolved(task: Task, begin: Array, spread: float, active: Index, budget: int) -> tuple[Array, int, bool]:
-    """Return the best point of CMA-ES, the number of computed candidates, and True if Ctrl-C stopped it.
+    """Search by CMA-ES; return the best point, the number of computed candidates, and True if Ctrl-C stopped
+    the search.
 
     Args:
         task: the search.
@@ -255,7 +283,8 @@ def _evolution(task: Task, begin: Array, spread: float) -> Any:
     options = {
         "bounds": [0.0, 1.0],
         "popsize": GENERATION,
-        "seed": np.nan,  # cma must not seed NumPy's global generator
+        # NaN: cma does not seed NumPy's global generator.
+        "seed": np.nan,
         "randn": lambda *shape: task.random.standard_normal(shape),
         "verbose": -9,
         "verb_log": 0,
@@ -268,7 +297,8 @@ def _evolution(task: Task, begin: Array, spread: float) -> Any:
 def _cma() -> Any:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # cma warns about optional packages that it does not find
+            # The package cma warns about optional packages that are not installed.
+            warnings.simplefilter("ignore")
             import cma
     except ImportError as error:
         raise QuantityError('this search needs cma: pip install "stickslip[design]"') from error

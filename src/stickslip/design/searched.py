@@ -1,4 +1,5 @@
-"""Search for one goal: its criterion, the best sawtooth, the best drive, and the better of both."""
+"""Search for the drive that reaches one goal best: first the best sawtooth, then the best polygon, and the
+better of both."""
 
 from __future__ import annotations
 
@@ -22,11 +23,12 @@ from .sawtooth import best_sawtooth
 from .scenarios import ScenarioTable
 from .search import DOING, SHORTFALL, Best, Index, Judge, Task, robust
 
-# Margin above the best sawtooth that the search demands in every condition, because its tolerance is coarser
-# than that of the result and the drive is then rounded to updates of the output; and shortfall of the result
-# below the sawtooth that counts as equal. Both are relative to the scale of the goal.
+# Both are relative to the scale of the goal. MARGIN: margin above the best sawtooth that the search demands
+# in every condition, because its tolerance is coarser than that of the result, and because the drive is then
+# rounded to updates of the output. NO_WORSE: largest shortfall of the result below the sawtooth that counts
+# as equal.
 MARGIN, NO_WORSE = 1e-3, 1e-6
-# Shortfall below the minimum speed, relative to it, that is still accepted.
+# Largest shortfall below the minimum speed, relative to the minimum speed, that is accepted.
 NEAR = 1e-3
 # Number of random sawtooths whose largest goal defines the scale of a goal.
 SAMPLES = 48
@@ -35,9 +37,10 @@ SAMPLES = 48
 class Searched(NamedTuple):
     """Search for the drive that reaches one goal best.
 
-    Fields: actuator, goal, allowed drives and conditions; `minimum_speed` [m/s] in the direction of the goal,
-    0 for none; `quantile` over the conditions (0: the worst); number of threads; and `scale`, the size of a
-    typical value of the goal, which normalises penalties.
+    Fields: `model`, the actuator; `goal`; `allowed` ranges of the drive; `conditions` in which drives are
+    judged; `minimum_speed` in the direction of the goal, m/s, or rad/s for a rotary actuator, 0 for none;
+    `quantile` over the conditions (0: the worst); number of `threads` (None: all processors); and `scale`,
+    the size of a typical value of the goal, by which penalties are multiplied.
     """
 
     model: Actuator
@@ -57,6 +60,9 @@ class Searched(NamedTuple):
             budget: number of candidates in the first search.
             seed: seed of the search.
             progress: called with activity and finished fraction.
+
+        Raises:
+            QuantityError: no sawtooth or drive has a steady motion, or the minimum speed is not reached.
         """
         random = np.random.default_rng([seed, 1])
         of = self.scaled(random)
@@ -100,8 +106,9 @@ class Searched(NamedTuple):
         return self._replace(scale=float(found.max()))
 
     def merits_of(self, family: Any) -> Any:
-        """Return the function that computes merits [n, conditions] from search points and indices of
-        conditions. `family` is `knots` or `sawtooths`, which makes drives from the points."""
+        """Return a function that computes merits [n, conditions] from search points [n, coordinates] and
+        indices of conditions. `family` makes drives from the points: `polygons.knots` or
+        `polygons.sawtooths`."""
 
         def found(x: Array, which: Index) -> Array:
             shapes = family(x, self.allowed)
@@ -110,13 +117,20 @@ class Searched(NamedTuple):
         return found
 
     def moved(self, shapes: Polygons, columns: Mapping[str, Array]) -> PeriodicMotions:
-        """Return the periodic motions under drives, with the results that the goal needs, as
-        `design.moving.moved`; `columns` are parameters of the conditions by name."""
+        """Return the periodic motions under drives, shape (n, conditions), with the results that the goal
+        needs.
+
+        `columns` are the values of the model's fields in each condition by name, as for
+        `design.moving.moved`.
+        """
         return moved(self.model, shapes, columns, self.threads, extras=extras_of(self.goal))
 
     def merits(self, shapes: Polygons, moved: PeriodicMotions) -> Array:
-        """Return the merits of drives with their motions, to be maximised, shape (n, conditions): the goal,
-        minus a penalty in proportion to a shortfall below the minimum speed."""
+        """Return the merits of drives with their periodic motions, to be maximised, shape (n, conditions).
+
+        A merit is the goal's value, with the sign that makes larger values better, minus a penalty in
+        proportion to the shortfall below the minimum speed.
+        """
         merits = self.goal.sign * self.goal.of(shapes, moved)
         if self.minimum_speed:
             speeds = direction_of(self.goal) * moved.steps / shapes.period[:, None]
@@ -125,10 +139,10 @@ class Searched(NamedTuple):
         return merits
 
     def refuse_slow(self, speeds: Array, name: str = "") -> None:
-        """Raise QuantityError if the worst speed, or the one at the quantile, is below the minimum speed.
+        """Raise QuantityError if the worst speed, or the speed at the quantile, is below the minimum speed.
 
         Args:
-            speeds: speeds in all conditions, m/s.
+            speeds: speeds in all conditions, m/s, or rad/s for a rotary actuator.
             name: name of the actuator in the message, if there are several.
         """
         if not self.minimum_speed:
@@ -142,13 +156,19 @@ class Searched(NamedTuple):
             )
 
     def chosen(self, best: Best, sawtooth: Polygons, spent: int) -> OptimisedWaveform:
-        """Return the result: the best drive as the converter outputs it, or the sawtooth if the drive is
-        worse than the sawtooth in any condition.
+        """Return the result of the search: the best drive as the converter outputs it, or the sawtooth if the
+        drive is worse than the sawtooth in any condition.
+
+        Both are computed again at the tolerances of a result, with periods of a whole number of updates.
 
         Args:
             best: result of the search for `knots`.
-            sawtooth: best sawtooth.
+            sawtooth: best sawtooth, a single polygon.
             spent: number of periodic motions computed for the sawtooth.
+
+        Raises:
+            QuantityError: no drive has a steady motion in every condition, or the minimum speed is not
+                reached.
         """
         found = knots(best.x[None], self.allowed)
         candidates, saws = self.at_updates(found), self.at_updates(sawtooth)
@@ -156,7 +176,8 @@ class Searched(NamedTuple):
         drives: list[Waveform] = [shape.one(0) for shape in shapes]
         played = self.played(drives)
         at_piezo = self.at_piezo(played)
-        # The drive keeps the voltage limits except for rounding errors; the model would refuse even those.
+        # The drive exceeds the voltage limits of the model by rounding errors at most. The simulation refuses
+        # even those, so the limits are removed.
         unbound = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
         found = exactly(unbound, at_piezo, self.conditions.columns, self.threads, extras_of(self.goal))
         merits = np.concatenate([self.merits(shape, found.of(i)) for i, shape in enumerate(shapes)])
@@ -166,7 +187,7 @@ class Searched(NamedTuple):
         saw = n + int(np.argmax(scores[n:]))
         if np.isnan(merits[saw]).any() and not np.isfinite(scores[:n]).any():
             raise QuantityError("no drive was found that has a steady motion in every condition")
-        # A condition in which the sawtooth has no steady motion does not count in the comparison with it.
+        # Conditions in which the sawtooth has no steady motion do not count when drives are compared with it.
         no_worse = np.all(
             ~(merits[:n] < np.nan_to_num(merits[saw], nan=-np.inf) - NO_WORSE * self.scale), axis=1
         ) & ~np.isnan(merits[:n]).any(axis=1)
@@ -178,8 +199,9 @@ class Searched(NamedTuple):
         return self.described(shapes, drives, played, at_piezo, found, k, saw, spent)
 
     def at_updates(self, shape: Polygons) -> list[Polygons]:
-        """Return a drive with each of the two nearest periods that are whole numbers of the output's updates;
-        for an output without updates, the unchanged drive alone."""
+        """Return copies of a drive with the next shorter and the next longer period that is a whole number of
+        the converter's updates, scaled to keep the slope limit. Without a converter, return the unchanged
+        drive alone."""
         output = self.allowed.output
         if not output.updates:
             return [shape]
@@ -193,17 +215,18 @@ class Searched(NamedTuple):
         ]
 
     def played(self, drives: list[Waveform]) -> list[Waveform]:
-        """Return the drives as the converter outputs them, sampled at its updates; unchanged for an output
-        without updates."""
+        """Return the drives as the converter outputs them: sampled at its updates and rounded to its steps.
+        They are unchanged without a converter."""
         output = self.allowed.output
         if not output.updates:
             return drives
         return [output.played(drive, self.allowed.low, self.allowed.high) for drive in drives]
 
     def at_piezo(self, drives: list[Waveform]) -> list[Waveform]:
-        """Return the drives behind the amplifier, as they reach the piezo."""
+        """Return the drives as they reach the piezo, behind the amplifier; unchanged without an amplifier."""
         output = self.allowed.output
-        if output.amplifier is None:  # the drives already keep the limit of slope
+        # Without an amplifier's data, only its slope limit counts, which the drives already keep.
+        if output.amplifier is None:
             return drives
         return [output.at_piezo(drive) for drive in drives]
 

@@ -1,4 +1,5 @@
-"""Agreement of actuators with a data sheet: step, speed and stall force of many members at once."""
+"""Likelihood of actuators given a data sheet: step, speed and stall force are simulated for many members
+(sets of parameters) at once and compared with the printed numbers."""
 
 from __future__ import annotations
 
@@ -20,15 +21,19 @@ from .sheet_priors import HALF, NAMES, Expectations
 
 Array = NDArray[np.float64]
 
-RATES_BELOW_RESONANCE = (
-    20.0  # resonance over the step rate at which the step is measured, if the sheet does not give that rate
-)
-SHARE_OF_FRICTION = 0.98  # largest simulated load over F_C; with a larger one the contact slides without end
-TOLERANCE = 1e-3  # tolerance of a simulated net step, as a fraction of the expected stroke of the piezo
+# Resonance of the stage divided by the step rate at which the step was measured, if the sheet does not give
+# the rate.
+RATES_BELOW_RESONANCE = 20.0
+# Largest load that is simulated, divided by the Coulomb force. With a larger load the contact slides without
+# end.
+SHARE_OF_FRICTION = 0.98
+# Tolerance of a simulated net step, as a fraction of the expected stroke of the piezo.
+TOLERANCE = 1e-3
 
 
 class Datum(NamedTuple):
-    """A number of the sheet that follows from a simulation: its value in SI, and its unit."""
+    """A printed number of the sheet that a simulation predicts: its `name` ("step", "speed" or
+    "stall_force"), its `value` in SI, and its `unit`."""
 
     name: str
     value: float
@@ -45,7 +50,7 @@ class Simulated(NamedTuple):
         step_rate, speed_rate: frequencies of the drives for the step and for the speed, Hz; `speed_rate` is 0
             if the sheet gives neither a speed nor its frequency.
         data: numbers of the sheet that are compared with simulations.
-        deviation: standard deviation of the logarithm of each number.
+        deviation: standard deviation of the natural logarithm of each number, from the sheet's tolerance.
     """
 
     sheet: DataSheet
@@ -58,8 +63,12 @@ class Simulated(NamedTuple):
 
     @classmethod
     def of(cls, sheet: DataSheet, expected: Expectations) -> Simulated:
-        """Return the inputs for a sheet. If the sheet does not give the frequency of the step or of the
-        speed, it follows from the resonance, or from speed over step."""
+        """Return the inputs of the simulations for a sheet and its prior.
+
+        If the sheet does not give the step rate of the speed, this rate is speed over step. If it does not
+        give the step rate of the step, this rate is a fraction of the resonance (`RATES_BELOW_RESONANCE`), at
+        most that of the speed.
+        """
         middle = {name: float(one[0]) for name, one in expected.values(np.zeros((1, len(NAMES)))).items()}
         data = [Datum("step", sheet.step, "m")] if sheet.step is not None else []
         speed_rate = 0.0
@@ -79,12 +88,16 @@ class Simulated(NamedTuple):
 
     @property
     def drive(self) -> Sawtooth:
-        """Return the drive of the step: a slow rise over the whole voltage range, then a jump."""
+        """Return the drive of the simulations, at the rate of the step: a sawtooth with a slow rise over the
+        whole voltage range, then a jump."""
         return Sawtooth(self.expected.high - self.expected.low, self.step_rate, offset=self.expected.low)
 
     def predicted(self, values: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the sheet's numbers as simulated, by name, arrays [members], SI; NaN for members that do not
-        walk forward. `values` are the members' parameters by name, arrays [members], SI."""
+        """Return the simulated "step", "speed" and "stall_force" that the sheet prints, arrays [members], SI.
+
+        They are NaN for members that do not walk forward. `values` are the members' parameters by name,
+        arrays [members], SI.
+        """
         free = self._steps(values, self.step_rate, 0.0)
         return {one.name: self._number(one.name, values, free) for one in self.data}
 
@@ -96,7 +109,8 @@ class Simulated(NamedTuple):
         return self._stall(values, free)
 
     def log_likelihood(self, points: Array, least: Array) -> Array:
-        """Return log likelihoods of the sheet's numbers, [n].
+        """Return the log likelihoods of n actuators given the sheet's numbers, [n], up to a constant; -inf if
+        a number cannot be simulated, for example because the actuator does not walk.
 
         Args:
             points: coordinates of the parameters, standard normal in the prior, [n, k].
@@ -120,8 +134,9 @@ class Simulated(NamedTuple):
     def _steps(self, values: Mapping[str, Array], rate: float, load: float) -> Array:
         """Return net steps, m, [members], at a step rate [Hz] against a load [N].
 
-        NaN if the motion is not periodic, not forward without a load, or if the load is near or above the
-        Coulomb force. `values` are the members' parameters by name, arrays [members], SI.
+        A step is NaN if the motion is not periodic, if it is not forward without a load, or if the load
+        exceeds `SHARE_OF_FRICTION` of the Coulomb force. `values` are the members' parameters by name, arrays
+        [members], SI.
         """
         drawn = {name: values[name] for name in NAMES} | {"stiction_force": values["coulomb_force"]}
         count = drawn["gain"].size
@@ -133,7 +148,8 @@ class Simulated(NamedTuple):
         given |= {"external_force": np.full(walks.size, -load), "frequency": np.full(walks.size, rate)}
         scale = self.expected.known["gain"].value * (self.expected.high - self.expected.low)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SimulationWarning)  # improbable members may have no steady step
+            # Improbable members may have no steady step, which causes warnings.
+            warnings.simplefilter("ignore", SimulationWarning)
             of = steady_steps(self.model, self.drive, parameters=given, tolerance=TOLERANCE * scale)
         kept = (of["status"].values == CONVERGED) & ((of["net_step"].values > 0.0) | (load > 0.0))
         steps[walks[kept]] = of["net_step"].values[kept]
@@ -143,9 +159,9 @@ class Simulated(NamedTuple):
         """Return the simulated stall force, N, [members]: the load at zero step, at most the Coulomb force;
         NaN if the step does not decrease with the load.
 
-        It lies on a line through the steps at two loads, the sheet's stall force minus and plus its
-        tolerance. If there is no steady step at the upper load, the line goes through the steps without load
-        and at the lower load.
+        The stall force is extrapolated by a line through the steps at two loads: the sheet's stall force
+        divided and multiplied by 1 + tolerance. If there is no steady step at the upper load, the line passes
+        through the steps without load and at the lower load.
 
         Args:
             values: parameters of the members by name, arrays [members], SI.
@@ -154,7 +170,9 @@ class Simulated(NamedTuple):
         stall, force = float(self.sheet.stall_force or 0.0), values["coulomb_force"]
         low, high = stall / (1.0 + self.sheet.tolerance), stall * (1.0 + self.sheet.tolerance)
         below, above = (self._steps(values, self.step_rate, load) for load in (low, high))
-        first = np.where(np.isfinite(above), low, 0.0)  # without the upper step, use the step without load
+        # Members without a steady step at the upper load use the loads 0 and `low` instead of `low` and
+        # `high`.
+        first = np.where(np.isfinite(above), low, 0.0)
         of_first = np.where(np.isfinite(above), below, free)
         second, of_second = (
             np.where(np.isfinite(above), high, low),
@@ -168,8 +186,12 @@ class Simulated(NamedTuple):
 
 
 def actuator_of(values: Mapping[str, float], expected: Expectations) -> Actuator:
-    """Return the actuator with these parameters by name, SI, and a LuGre contact without Stribeck effect; its
-    voltage limits are those of the sheet's drive."""
+    """Return the actuator with given parameters and a LuGre contact without Stribeck effect.
+
+    Args:
+        values: parameters by name (`NAMES`), SI.
+        expected: prior with the voltage range of the sheet's drive, which becomes the actuator's.
+    """
     law = LuGre(
         sigma_0=values["sigma_0"],
         sigma_1=values["sigma_1"],

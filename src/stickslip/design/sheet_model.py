@@ -31,12 +31,19 @@ from .sheet_priors import NAMES, SHEET, UNITS, Expectations, expectations
 
 Array = NDArray[np.float64]
 
-COLUMNS = UNITS | {"stiction_force": "N"}  # parameters of the posterior and their units
-CHECKED = 200  # number of draws that are simulated for the intervals of the sheet's numbers
-TOLD = 0.5  # width of an interval over the expected one, below which the sheet determines the parameter
-PERIODS, SAMPLES = 40, 200  # number of drive periods in a planned recording, and of samples per period
-PLANNED = 4  # approximate number of draws for which a plan is made
-NOISE_SHARE = 0.01  # standard deviation of a position sample over the step, if no noise is given to `plan`
+# Parameters of the posterior and their SI units.
+COLUMNS = UNITS | {"stiction_force": "N"}
+# Number of draws that are simulated for the intervals of the sheet's numbers.
+CHECKED = 200
+# Largest width of a parameter's interval, divided by that of its prior (both in the logarithm), at which the
+# sheet determines the parameter.
+TOLD = 0.5
+# Number of drive periods in a planned recording, and number of samples per period.
+PERIODS, SAMPLES = 40, 200
+# Approximate number of draws of the posterior for which a plan is made.
+PLANNED = 4
+# Standard deviation of a position sample, divided by the net step, if the user gives no noise to `plan`.
+NOISE_SHARE = 0.01
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,8 +77,8 @@ class SheetModel:
 
     @property
     def determined(self) -> tuple[str, ...]:
-        """Return the names of the parameters that the sheet prints, or determines to an interval (in the
-        logarithm) narrower than half of the expected one."""
+        """Return the names of the parameters that the sheet prints or determines: their interval is narrower
+        than half the expected one (`width` in `dataset` below 0.5)."""
         of = self.dataset
         printed = of["reason"].values == SHEET
         return tuple(of["parameter"].values[printed | (of["width"].values < TOLD)].tolist())
@@ -84,7 +91,7 @@ class SheetModel:
 
     @property
     def citation(self) -> str:
-        """Return the sheet's title and the source of each number as text."""
+        """Return a text with the sheet's title, and a line with the source of each number."""
         return "\n".join([self.sheet.title, *(f"  {name}: {said}" for name, said in self.sources.items())])
 
     _repr_html_ = preformatted
@@ -93,7 +100,8 @@ class SheetModel:
         return self.report()
 
     def report(self) -> str:
-        """Return tables of the sheet's numbers and of the parameters, and the parameters left open."""
+        """Return a text with tables of the sheet's numbers and of the parameters, and the names of the
+        parameters that the sheet leaves open."""
         of, lines = self.dataset, [f"{self.sheet.title}", ""]
         lines.append(f"{'data sheet':14}{'stated':>12}{'model':>12}   95 % of the draws")
         for name in of["quantity"].values.tolist():
@@ -114,15 +122,16 @@ class SheetModel:
         return "\n".join([*lines, "", f"The sheet leaves open: {left}.", self.posterior.message])
 
     def plan(self, *, noise: float | str | None = None, **options: Any) -> Plan:
-        """Choose the recordings that would determine what the sheet leaves open, by `plan_experiment`.
+        """Choose the recordings that would determine the parameters that the sheet leaves open, except
+        masses, by `plan_experiment`; return the plan.
 
         Args:
             noise: standard deviation of a sample of the position, m; by default a hundredth of the step.
-            options: further arguments of `plan_experiment`; free, duration, sample_rate and draws have
-                defaults here.
+            options: further arguments of `plan_experiment`; free, duration, sample_rate, draws and default
+                have their own default values here.
 
         Raises:
-            QuantityError: see `plan_experiment`.
+            QuantityError: the sheet leaves no such parameter open, or as `plan_experiment`.
         """
         step = self.sheet.step or self.model.gain * self.drive.amplitude
         given = {
@@ -144,7 +153,8 @@ class SheetModel:
         return {name: self.posterior.samples[name].values.ravel() for name in COLUMNS}
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write model.toml (`load_actuator` reads it) and posterior.nc (`uncertainty` of a design file).
+        """Write model.toml (`load_actuator` reads it) and posterior.nc (`uncertainty` of a design file) into
+        a folder, which is made if necessary; return its path. Existing files are replaced.
 
         Raises:
             OSError: the folder cannot be written.
@@ -238,8 +248,12 @@ def from_data_sheet(
 
 
 def _columns_of(expected: Expectations) -> Callable[[Array], dict[str, Array]]:
-    """Return the function that converts coordinates [n, k], standard normal in the prior, to parameters by
-    name, arrays [n], SI; the stiction force equals the Coulomb force."""
+    """Return a function that converts coordinates [n, k] to the parameters in `COLUMNS` by name, arrays [n],
+    SI.
+
+    The coordinates have a standard normal distribution in the prior. The stiction force equals the Coulomb
+    force.
+    """
 
     def columns(points: Array) -> dict[str, Array]:
         values = expected.values(points)

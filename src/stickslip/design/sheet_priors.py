@@ -1,14 +1,17 @@
 r"""Prior of an actuator before its data sheet is used: a value and a factor for each parameter.
 
-68 % of actuators are expected within a factor of the value, either way. For printed numbers the factor
-follows from the tolerance. For others the value follows from printed numbers:
+68 % of actuators are expected between the value divided by the factor and the value multiplied by the factor.
+For printed numbers the factor follows from the sheet's tolerance. Other values follow from printed numbers,
+if these are available, by
 
 .. math:: C \approx 1.5\,\Delta x / \Delta u, \qquad F_C \approx 2 F_0, \qquad m_e \approx F_C / a_0, \qquad
           \frac{F_C}{\sigma_0} \approx \frac{\Delta u\,C}{15}, \qquad
           \sigma_1 \approx 2\zeta_b\sqrt{\sigma_0 m_e}
 
-with a_0 = 5 m/s² and ζ_b = 0.1. These are assumptions, with wide factors, not knowledge. Each parameter of
-the actuator of [kang2007] deviates from its value by at most the factor to the power of 1.2.
+with the gain C, net step Δx, voltage range Δu, Coulomb force F_C, stall force F_0, moved mass m_e, bristle
+stiffness σ_0 and damping σ_1, a_0 = 5 m/s² and ζ_b = 0.1. These are assumptions, with wide factors, not
+knowledge. Each parameter of the actuator of [kang2007] deviates from its value by at most the factor to the
+power of 1.2.
 """
 
 from __future__ import annotations
@@ -25,33 +28,44 @@ from .data_sheet import DataSheet
 
 Array = NDArray[np.float64]
 
-# Standard deviations in half a 95 % interval.
+# Number of standard deviations in half a 95 % interval of a normal distribution.
 HALF = 1.959964
-# Prior values of numbers that the sheet does not print, and (OF_...) factors within which 68 % are expected.
-GAIN_OVER_STEP, OF_GAIN = 1.5, 1.5  # stroke over net step
-# resonance over step rate, and lowest assumed resonance, Hz
+# Central values of quantities that the sheet does not print. Each OF_... is the factor within which 68 % of
+# actuators are expected on either side of the central value.
+# Stroke of the piezo over the whole voltage range, divided by the net step.
+GAIN_OVER_STEP, OF_GAIN = 1.5, 1.5
+# Resonance of the stage divided by the step rate; and lowest assumed resonance, Hz.
 RESONANCE_OVER_RATE, LEAST_RESONANCE, OF_RESONANCE = 5.0, 500.0, 3.0
-DAMPING, OF_DAMPING = 0.15, 3.0  # damping ratio of the stage
+# Damping ratio of the stage.
+DAMPING, OF_DAMPING = 0.15, 3.0
+# Coulomb force F_C divided by the stall force.
 FRICTION_OVER_STALL, OF_FRICTION = 2.0, 2.0
-ACCELERATION, OF_ACCELERATION = 5.0, 3.0  # F_C / m_e, m/s^2
-MASS, OF_MASS = 0.05, 3.0  # moved mass, kg
-PRESLIDING_SHARE, OF_PRESLIDING = 1.0 / 15.0, 3.0  # F_C / sigma_0 over the stroke
+# Acceleration F_C / m_e of the end-effector by friction, m/s^2.
+ACCELERATION, OF_ACCELERATION = 5.0, 3.0
+# Moved mass m_e, kg, from which F_C follows if the sheet prints neither mass nor force.
+MASS, OF_MASS = 0.05, 3.0
+# Elastic deflection F_C / sigma_0 of the contact divided by the stroke of the piezo.
+PRESLIDING_SHARE, OF_PRESLIDING = 1.0 / 15.0, 3.0
+# Damping ratio of the bristle with the moved mass.
 BRISTLE_DAMPING, OF_BRISTLE = 0.1, 3.0
-STAGE_OVER_MOVED, OF_STAGE = 1.0, 3.0  # effective mass of the stage over the moved mass
-VOLTAGE = 100.0  # voltage range, V, that is assumed for a sheet without a voltage
+# Effective mass of the stage divided by the moved mass.
+STAGE_OVER_MOVED, OF_STAGE = 1.0, 3.0
+# Range of the drive voltage, V, for a sheet without a greatest voltage.
+VOLTAGE = 100.0
 SHEET = "printed"
 
 
 class Expected(NamedTuple):
-    """Prior of one parameter: its central value, SI; the factor within which 68 % of actuators are expected
-    on either side; and the reason in words, `SHEET` for a printed number."""
+    """Prior of one parameter: its central `value`, SI; the `factor` within which 68 % of actuators are
+    expected on either side of this value; and the `reason` for the value in words, `SHEET` for a printed
+    number."""
 
     value: float
     factor: float
     reason: str
 
 
-# Names of the sampled parameters, in the order of their coordinates.
+# Names of the parameters of the posterior, in the order of their coordinates [n, k].
 NAMES = (
     "gain", "natural_frequency", "damping_ratio", "end_effector_mass", "stage_mass", "coulomb_force",
     "sigma_0", "sigma_1",
@@ -65,20 +79,24 @@ UNITS = {
 class Expectations(NamedTuple):
     """Prior of each coordinate, and the voltage range of the sheet's drive (`low` to `high`, V).
 
-    `known` has an `Expected` for each name in `NAMES`. Some are for another quantity than the name says:
-    "sigma_0" for F_C/σ_0 [m], and "sigma_1" for the damping ratio of the bristle. Without a printed mass,
-    "end_effector_mass" is for F_C/m_e [m/s²], and without a printed stiffness "stage_mass" is for the stage's
-    mass over m_e.
+    `known` has an `Expected` for each name in `NAMES`. Some are priors of another quantity than the name
+    says: "sigma_0" of F_C/σ_0 [m], and "sigma_1" of the damping ratio of the bristle. Without a printed mass,
+    "end_effector_mass" is the prior of F_C/m_e [m/s²]. "stage_mass" is the prior of the stage's mass over
+    m_e, or over stiffness / ω_n² if the sheet prints the stiffness.
     """
 
     known: Mapping[str, Expected]
     low: float
     high: float
-    mass_of_force: bool  # True: the moved mass is not printed, and follows from the friction force
-    stiffness: float | None  # printed stiffness, N/m; the stage's mass is then stiffness / ω_n²
+    # True if the sheet does not print the moved mass, so that the mass follows from the Coulomb force.
+    mass_of_force: bool
+    # Printed stiffness of the stage, N/m, from which the stage's mass follows (stiffness / ω_n²); None: not
+    # printed.
+    stiffness: float | None
 
     def values(self, points: Array) -> dict[str, Array]:
-        """Return the parameters by name, SI, arrays [n], at standard normal coordinates [n, k]."""
+        """Return the parameters by name (`NAMES`), SI, arrays [n], at coordinates `points` [n, k], which have
+        a standard normal distribution in the prior."""
         found = {
             name: self.known[name].value * self.known[name].factor ** points[:, i]
             for i, name in enumerate(NAMES)
@@ -157,7 +175,8 @@ def expectations(sheet: DataSheet) -> Expectations:
         known["stage_mass"] = Expected(1.0, printed, "stiffness over ω_n²")
     else:
         known["stage_mass"] = Expected(STAGE_OVER_MOVED, OF_STAGE, "as much as the moved mass")
-    # Of the stroke, not of the step: a contact with a long presliding distance makes short steps.
+    # The presliding distance is a share of the stroke and not of the step, because a contact with a long
+    # presliding distance makes short steps.
     stroke = known["gain"].value * (high - low)
     known["sigma_0"] = Expected(PRESLIDING_SHARE * stroke, OF_PRESLIDING, "F_C/σ_0 of a 15th of the stroke")
     known["sigma_1"] = Expected(

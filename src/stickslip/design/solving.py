@@ -1,5 +1,8 @@
-"""Periodic orbits of all points of a map, block by block; results of finished blocks survive an
-interruption."""
+"""Computation of the steady steps at all points of a map, block by block, and of their intervals.
+
+A steady step is the net step on a periodic orbit. After an interruption, the results of finished blocks are
+kept.
+"""
 
 from __future__ import annotations
 
@@ -23,22 +26,26 @@ Array = NDArray[np.float64]
 
 STATUS = (*OF_ORBITS, "not_computed")
 NOT_COMPUTED = len(OF_ORBITS)
-# Approximate number of members that are computed in one call for intervals: if the map has few points,
-# several draws are computed together.
+# Approximate number of members (pairs of a point and a draw) that `intervals` computes in one call. If the
+# map has few points, several draws are computed together, which is faster.
 AT_ONCE = 4096
-# Smallest share of draws with a steady step for which an interval is given.
+# Smallest share of draws with a steady step at a point for which an interval of the step is given there.
 ENOUGH = 0.9
 LEVEL = 0.95
 
-# First arguments of `solved`, which are the same for a map and its draws: model, drive, columns, tolerance
-# [m], normal force over its reference, number of threads, output stage.
+# Type of the first arguments of `solved`, which are the same for a map and its draws: model, drive, columns
+# (varied fields by name, SI, arrays [points]), tolerance [m], normal force over its reference, number of
+# threads, output stage.
 Common = tuple[Actuator, Waveform, Mapping[str, Array], float, Any, int | None, OutputStage | None]
 
 
 class Solved(NamedTuple):
-    """Results at all points of a map, arrays [points]: net steps [m] and their error estimates [m]; further
-    results by name (`beside`, see `design.motion`); status (index of `STATUS`); reasons in words; and True if
-    the computation was interrupted."""
+    """Results at all points of a map, arrays [points].
+
+    Fields: net `steps` and estimates of their `errors`, m, or rad for a rotary actuator, NaN without a steady
+    step; `beside`, further results by name (see `design.motion`); `status`, index of `STATUS`; `reasons` in
+    words, "" where converged; and `interrupted`, True if Ctrl-C stopped the computation.
+    """
 
     steps: Array
     errors: Array
@@ -59,13 +66,13 @@ def solved(
     progress: Progress,
     extras: tuple[str, ...] = (),
 ) -> Solved:
-    """Return the steady steps of all points. After Ctrl-C the finished points are returned, and the others
-    have the status `NOT_COMPUTED`.
+    """Return the steady steps at all points. After Ctrl-C the results of finished blocks are returned, and
+    the other points have the status `NOT_COMPUTED`.
 
     Args:
         model, waveform, normal_load, output: as for `step_map`.
         columns: varied fields of model and drive by name, arrays [points], SI.
-        tolerance: tolerance of the net step, m.
+        tolerance: tolerance of the net step, m, or rad for a rotary actuator.
         threads: number of threads; None: one per processor.
         progress: called after each block of points with activity and finished fraction.
         extras: names of further results: "backlash", "backward_rate", "ringing", "ripple".
@@ -103,15 +110,17 @@ def solved(
 def intervals(
     common: Common, drawn: Mapping[str, Array], progress: Progress
 ) -> tuple[Array, Array, NDArray[np.int64], bool]:
-    """Return both ends of the 95 % interval of the net step at each point [m], the number of draws with a
-    steady step there, and True if Ctrl-C stopped the computation.
-
-    After a stop the ends are NaN, unless enough draws are finished.
+    """Compute the net steps at all points for each draw of uncertain parameters, and return their intervals.
 
     Args:
-        common: arguments of `solved` that are the same for all draws.
+        common: arguments of `solved` that are the same for all draws, see `Common`.
         drawn: draws of the parameters by name, arrays [draws], SI.
         progress: called with activity and finished fraction.
+
+    Returns:
+        Lower and upper end of the 95 % interval of the net step, [points], m, or rad for a rotary actuator;
+        the number of draws with a steady step at each point; and True if Ctrl-C stopped the computation. Then
+        the ends are NaN, unless enough draws were finished.
     """
     model, waveform, columns, tolerance, normal_load, threads, output = common
     points, draws = next(iter(columns.values())).size, next(iter(drawn.values())).size
@@ -141,8 +150,13 @@ def intervals(
 
 
 def ends(steps: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return both ends of the 95 % interval at each point, from net steps [draws, points], and the number of
-    draws with a steady step there; the ends are NaN if fewer than `ENOUGH` of the draws have one."""
+    """Return lower and upper end of the 95 % interval of the net step at each point, and the number of draws
+    with a steady step there.
+
+    Args:
+        steps: net steps [draws, points], NaN without a steady step. The ends have the same unit; they are NaN
+            where fewer than the share `ENOUGH` of the draws have a steady step.
+    """
     draws, points = steps.shape
     count, low, high = np.isfinite(steps).sum(axis=0), np.full(points, np.nan), np.full(points, np.nan)
     fine = count >= ENOUGH * draws

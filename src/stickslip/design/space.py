@@ -19,15 +19,15 @@ from .scenarios import ScenarioTable, own
 Array = NDArray[np.float64]
 STIFFNESS = "stage_stiffness"
 FREQUENCY = "natural_frequency"
-# Ratio of the ends of a range above which its scale is logarithmic.
+# Ratio of the upper to the lower end of a range, above which the search uses a logarithmic scale.
 WIDE = 3.0
 
 
 class DesignSpace(NamedTuple):
-    """Free parameters of an actuator: their `names` and ranges, `low` to `high` [n], SI.
+    """Free parameters of an actuator `model`: their `names` and ranges, `low` to `high` [names], SI.
 
-    "load" is the normal force relative to its reference. With "stage_stiffness", or "stage_mass" alone, the
-    natural frequency of the stage follows from stiffness and mass; with "natural_frequency" it is that value.
+    "load" is the normal force relative to its reference. If "stage_stiffness" or "stage_mass" is free, the
+    natural frequency of the stage follows from stiffness and mass, unless "natural_frequency" is free too.
     """
 
     model: Actuator
@@ -49,14 +49,19 @@ class DesignSpace(NamedTuple):
         return [_quantity(self.model, name).unit for name in self.names]
 
     def values(self, x: Array) -> Array:
-        """Return the values of the parameters [n, names], SI, at positions `x` [n, names] in their ranges,
-        each from 0 to 1; the scale is logarithmic for a wide range."""
+        """Return the values of the parameters, SI, [n, names], at positions `x` [n, names] within their
+        ranges.
+
+        A position is 0 at the lower and 1 at the upper end; the scale is logarithmic for a wide range
+        (`WIDE`).
+        """
         log = self.logarithmic
         low, high = np.where(log, self.low, 1.0), np.where(log, self.high, 1.0)
         return np.where(log, low * (high / low) ** x, self.low + x * (self.high - self.low))
 
     def shares(self, values: Array) -> Array:
-        """Return the position of values [names] within their ranges, from 0 to 1."""
+        """Return the positions of values [names], SI, within their ranges, from 0 to 1: the inverse of
+        `values`. Values beyond a range are clipped."""
         log = self.logarithmic
         low, high = np.where(log, self.low, 1.0), np.where(log, self.high, math.e)
         inside = np.clip(values, self.low, self.high)
@@ -64,13 +69,13 @@ class DesignSpace(NamedTuple):
         return np.where(log, np.log(np.where(log, inside, 1.0) / low) / np.log(high / low), even)
 
     def columns(self, values: Array, conditions: Mapping[str, Array]) -> dict[str, Array]:
-        """Return all varied fields of the model by name, arrays [n, conditions].
+        """Return all fields that candidates or conditions vary, by name, SI, arrays [n, conditions].
 
         A condition changes a candidate's value in the same proportion as the model's own value.
 
         Args:
             values: values of the free parameters of each candidate, SI, [n, names].
-            conditions: values in each condition by name, arrays [conditions].
+            conditions: values in each condition by name, SI, arrays [conditions].
         """
         count = max([1, *(column.size for column in conditions.values())])
         made = {name: np.tile(column, (len(values), 1)) for name, column in conditions.items()}
@@ -95,8 +100,13 @@ class DesignSpace(NamedTuple):
 def space_of(model: Actuator, free: Mapping[str, Any]) -> DesignSpace:
     """Return the free parameters of a model with their ranges.
 
+    Args:
+        model: the actuator.
+        free: ranges (low, high) by the name of the parameter, in SI or with units.
+
     Raises:
-        QuantityError: an unknown name, one that this model does not have, or no range.
+        QuantityError: an unknown name, one that this model does not have, a range that is not finite and
+            ascending, or "stage_stiffness" where it has no effect.
     """
     if not isinstance(free, Mapping) or not free:
         raise QuantityError(
@@ -111,7 +121,8 @@ def space_of(model: Actuator, free: Mapping[str, Any]) -> DesignSpace:
 
 
 def built(space: DesignSpace, values: Array) -> Actuator:
-    """Return the actuator with these values [names], its friction at the reference normal force."""
+    """Return the actuator with values [names], SI, of its free parameters. "load" is ignored: the friction
+    stays at the reference normal force."""
     fields = {name: float(value[0]) for name, value in space.fields(values[None]).items() if name != "load"}
     return with_values(space.model, fields)
 
@@ -134,7 +145,8 @@ def _range(model: Actuator, name: str, given: Any) -> tuple[float, float]:
 
 
 def _quantity(model: Actuator, name: str) -> Quantity:
-    """Return the unit and range (`Quantity`) of a field of the model, its law, or "stage_stiffness"."""
+    """Return the unit, meaning and allowed range (`Quantity`) of a free parameter by its name: a field of the
+    model or its law, "stage_stiffness", or "load"."""
     if name == STIFFNESS:
         return Quantity("N/m", "k", "stiffness of the stage", above=0)
     element = element_of(model.friction, name)
@@ -143,8 +155,11 @@ def _quantity(model: Actuator, name: str) -> Quantity:
 
 
 def check_conditions(space: DesignSpace, conditions: ScenarioTable) -> None:
-    """Raise QuantityError for a condition that changes a parameter whose own value is zero, so that no
-    proportion exists."""
+    """Raise QuantityError if a condition changes a free parameter whose own value is 0 in the model.
+
+    Conditions change free parameters in proportion to the model's own value, which needs a value other than
+    0.
+    """
     for name in {*space.fields(space.given[None])} & {*conditions.columns}:
         if own(space.model, name) == 0.0:
             raise QuantityError(

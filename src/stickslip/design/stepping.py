@@ -30,14 +30,18 @@ from .maps import step_map
 
 Array = NDArray[np.float64]
 
-# Points of the first scan of a range, points between two of them in each round, and the largest number of
+# A limit is searched by a scan of the whole range and then between two neighbouring points. SCANNED: number
+# of points of the scan; AGAIN: number of points between the two in each round; ROUNDS: largest number of
 # rounds.
 SCANNED, AGAIN, ROUNDS = 65, 15, 12
-# Smallest motion that counts as a step, m: the least that stick-slip actuators are sold with, and a hundred
-# times the tolerance of the solver. A presliding law creeps under any asymmetric periodic drive.
+# Smallest net step that counts as one by default, m: the smallest step with which stick-slip actuators are
+# sold, and a hundred times the tolerance of the solver. Smaller motions may be creep: a law with presliding
+# creeps under any asymmetric periodic drive.
 LEAST_STEP = 10e-9
+# Tolerance of a computed net step, m, or rad for a rotary actuator.
 TOLERANCE = 1e-10
-_SEEN = 2.0 * TOLERANCE  # smaller steps may be solver errors
+# Smallest net step, in the same unit, that is certainly not an error of the solver.
+_SEEN = 2.0 * TOLERANCE
 
 _Steps = Callable[[Array], xr.Dataset]
 
@@ -56,22 +60,25 @@ def minimum_voltage(
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> float:
-    """Return the smallest peak-to-peak voltage of the drive, V, at which the net step is `step`.
+    """Return the smallest peak-to-peak voltage of the drive, V, at which the net step is at least `step`.
 
-    At higher voltage the step may decrease again (at high frequencies it does). This is the first voltage at
-    which it is reached, and a `SimulationWarning` names the voltage above which it is not. A step that is
-    reached only between two of 65 evenly spaced voltages is not found.
+    At higher voltage the step may decrease again (at high frequencies it does): then a `SimulationWarning`
+    names the voltage from which the step is not reached any more. A step that is reached only between two of
+    65 evenly spaced voltages is not found.
 
     Args:
         model: the actuator.
         waveform, output: as for `step_map`.
         frequency: frequency of the drive, Hz; by default that of the waveform.
-        step: required net step, m, in the direction of the walk, > 0; 10 nm by default, the least step that
-            stick-slip actuators are sold with. Smaller ones are mostly creep of the contact.
+        step: required net step, m (rad for a rotary actuator), in the direction of the walk, > 0; by default
+            1e-8, the smallest step with which stick-slip actuators are sold. Smaller ones are mostly creep of
+            the contact.
         load: external force, N, positive towards +x, as for `step_map`.
         direction: 1, or -1 for the mirrored drive, which has to step towards -x.
-        max_voltage: V; by default the model's range above the rest voltage of the drive.
-        tolerance: V; a voltage lower by this amount does not reach the step.
+        max_voltage: end of the search, V, peak to peak; by default the model's range above the rest voltage
+            of the drive.
+        tolerance: largest error of the result, V: a voltage lower by this amount does not reach the step.
+        threads, progress: as for `step_map`.
 
     Raises:
         SimulationError: no voltage in the range reaches the step; the message names the largest step.
@@ -134,19 +141,21 @@ def blocking_force(
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> float:
-    """Return the blocking force, N: the load against the walk at which the steady speed becomes zero.
+    """Return the blocking force, N, or N m for a rotary actuator: the load against the walk at which the
+    steady speed becomes zero.
 
-    It is the smallest load at which the speed changes its sign; a `SimulationWarning` names further ones.
+    The result is the smallest load at which the speed changes its sign; a `SimulationWarning` names a larger
+    load at which the actuator walks again.
 
     Args:
-        model, waveform, output: as for `step_map`.
+        model, waveform, output, threads, progress: as for `step_map`.
         max_load: end of the search, N; by default the largest force that the contact holds at rest, plus the
             weight.
-        tolerance: N; with a load lower by this amount the actuator still walks.
+        tolerance: largest error of the result, N: with a load lower by this amount the actuator still walks.
 
     Raises:
-        SimulationError: it does not walk without a load, does not stop up to `max_load`, or has no steady
-            motion before it stops.
+        SimulationError: the actuator does not walk without a load, does not stop up to `max_load`, or has no
+            steady motion at a load before it stops.
         QuantityError: see `step_map`.
     """
     unit, length = unit_for(model, "N"), unit_for(model, "m")
@@ -176,8 +185,8 @@ def blocking_force(
             f"it still steps by {with_prefix(float(found[-1]), length)} against {most:g} {unit}: look "
             "farther, with max_load"
         )
-    # A NaN step here means a load that the contact cannot hold: the end-effector is dragged away without end.
-    # This is no further crossing, and needs no warning.
+    # At loads above the crossing a NaN step means that the contact cannot hold the load: the end-effector is
+    # dragged away without end. This is no further crossing and needs no warning, so NaN is replaced by 0.
     _warn_of_others(np.nan_to_num(-found), at, first, unit, "it stops at {}, and walks on again at {}")
     low, high = at[first - 1], at[first]
     for _ in range(ROUNDS):
@@ -205,17 +214,18 @@ def stepping_frequency_limit(
 ) -> float:
     """Return the highest frequency, Hz, at which the net step is at least a share of the greatest one.
 
-    The greatest step is that of 65 frequencies, evenly spaced on a logarithmic axis. It need not be at the
-    lowest one, because a drive whose fast stroke takes a part of the period does not slip if it is slow. A
-    share of zero means a step in the direction of the greatest of at least twice the solver's tolerance. Gaps
-    at lower frequencies are not reported; a map shows them.
+    The greatest step is the greatest one at 65 frequencies, evenly spaced on a logarithmic axis. It need not
+    be at the lowest frequency, because a drive whose fast stroke takes a part of the period does not slip if
+    it is slow. A share of zero means a step in the direction of the greatest step of at least twice the
+    solver's tolerance. Gaps at lower frequencies are not reported; a map shows them.
 
     Args:
-        model, waveform, output: as for `step_map`.
+        model, waveform, output, threads, progress: as for `step_map`.
         share: share of the greatest step, 0 <= share < 1.
         min_frequency, max_frequency: range of the search, Hz; by default up to ten times the natural
             frequency of the stage.
-        tolerance: Hz; a frequency higher by this amount does not reach the share.
+        tolerance: largest error of the result, Hz: a frequency higher by this amount does not reach the
+            share.
 
     Raises:
         SimulationError: there is no step at all, or `max_frequency` still reaches the share.
@@ -267,13 +277,16 @@ def load_speed_curve(
     loads: ArrayLike,
     **options: Any,
 ) -> xr.Dataset:
-    """Return a `step_map` over the load, with the mechanical power done against it, `mechanical_power` (W):
-    minus speed times load.
+    """Return a `step_map` over the load, with a further variable `mechanical_power`, W: the power that the
+    actuator delivers against the load (minus speed times load).
 
     Args:
         model, waveform: as for `step_map`.
-        loads: loads, N, positive towards +x.
+        loads: external forces on the end-effector, N, or N m for a rotary actuator, positive towards +x.
         options: further arguments of `step_map`: fit, stack, output, quantities, tolerance, ...
+
+    Raises:
+        QuantityError: see `step_map`.
     """
     made = step_map(model, waveform, load=loads, **options)
     power = -made["speed"] * made["load"]
@@ -281,8 +294,11 @@ def load_speed_curve(
 
 
 def _held(model: Actuator) -> float:
-    """Return the largest load that the contact can hold at rest, N: its breakaway force plus the weight along
-    the axis. It is the end of the search for the blocking force."""
+    """Return an upper limit of the load that the contact can hold at rest, N, or N m for a rotary actuator.
+
+    The limit is the breakaway force plus the magnitude of weight and external force along the axis. The
+    search for the blocking force ends there.
+    """
     law = model.friction
     if not elements(law):
         return float(breakaway(law)) + abs(model.axial_force)
@@ -298,8 +314,12 @@ def _positive(value: float | str, unit: str, field: str) -> float:
 
 
 def _highest_voltage(model: Actuator, waveform: Waveform | None, asked: float | None) -> float:
-    """Return the end of a search, V above the lowest voltage of the drive: `asked`, or by default the whole
-    range of the model above that voltage; raise QuantityError if `asked` exceeds the range."""
+    """Return the largest peak-to-peak voltage of a search, V: `asked`, or for None the model's whole range
+    above the lowest voltage of the drive.
+
+    Raises:
+        QuantityError: `asked` exceeds that range, or it is not given and the range is empty or infinite.
+    """
     rest = waveform.range()[0] if waveform is not None else Sawtooth(1.0, 1.0).offset
     most = model.max_voltage - max(rest, model.min_voltage)
     if asked is not None:
@@ -329,11 +349,12 @@ def _warn_of_others(found: Array, at: Array, first: int, unit: str, words: str) 
     some point of the scan.
 
     Args:
-        found: values at the points of the scan.
+        found: values at the points of the scan; the search is for the first one that is not negative.
         at: voltages or loads of the points, in `unit`.
         first: index of the first point with a value that is not negative.
         unit: unit of `at`.
-        words: sentence with two places: for the first crossing, and for the point beyond which it is undone.
+        words: sentence of the warning with two places "{}": for the voltage or load of the first crossing,
+            and of the next point with a negative value.
     """
     later = np.flatnonzero(found[first:] < 0.0)
     unknown = np.flatnonzero(~np.isfinite(found))

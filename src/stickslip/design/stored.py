@@ -1,5 +1,5 @@
-"""Maps as studies: their points are computed into stores that can be resumed, on this machine or on a
-cluster."""
+"""Maps computed as studies: the results at their points are kept in folders (stores), so that an interrupted
+computation resumes. The work is done on this machine or on a cluster."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 
 
 class Stored(NamedTuple):
-    """Folder with the stores of a map, and address of the dask scheduler that computes them; None: none."""
+    """Place of the stores of a map: their `folder`, and the address of the dask `scheduler` whose workers
+    compute them; None: processes of this machine compute them."""
 
     folder: Path
     scheduler: str | None
@@ -27,11 +28,15 @@ class Stored(NamedTuple):
 def solved_in_store(
     common: Common, stored: Stored, progress: Progress, drawn: Mapping[str, Array] | None = None
 ) -> Solved:
-    """Return the steady steps of all points, or of all draws and points; results that are in the store are
-    read from it, the others are computed and stored.
+    """Return the steady steps at all points, or for all draws at all points.
+
+    Results in the store (``steps.zarr``, or ``draws.zarr`` with draws) are read; the others are computed and
+    stored. Arrays of the result have the shape [points], or [draws, points] with `drawn`; after Ctrl-C the
+    points that are left have the status `NOT_COMPUTED`.
 
     Args:
-        common: arguments of the computation, as for `solved`.
+        common: arguments of the computation, see `solving.Common`; the number of threads becomes that of
+            processes.
         stored: folder, and scheduler if any.
         progress: called with activity and finished fraction.
         drawn: draws of the parameters by name, arrays [draws], SI; None: the points alone.

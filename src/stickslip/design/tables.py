@@ -87,8 +87,11 @@ def step_table(step_map: xr.Dataset) -> StepTable:
 
 
 def step_at(table: StepTable, voltage: ArrayLike) -> tuple[Array, Array, Array]:
-    """Return the net step and both ends of its 95 % band at voltages [V], arrays of their shape, in the unit
-    of the table; NaN outside the table."""
+    """Return the net step and the lower and upper end of its 95 % band at voltages [V], by linear
+    interpolation.
+
+    The three arrays have the shape of `voltage` and the unit of the table; they are NaN outside the table.
+    """
     volts = array_si(voltage, "V", "voltage")
     found = [
         np.interp(volts, table.voltages, column, left=np.nan, right=np.nan)
@@ -98,7 +101,11 @@ def step_at(table: StepTable, voltage: ArrayLike) -> tuple[Array, Array, Array]:
 
 
 def voltage_for(table: StepTable, step: float | str) -> float:
-    """Return the voltage of a step, V, by interpolation.
+    """Return the voltage, V, at which the table has a given step, by linear interpolation.
+
+    Args:
+        table: the table.
+        step: net step per period in the unit of the table, or a text with a unit.
 
     Raises:
         QuantityError: the table does not reach the step, or is not monotonic, so that several voltages have
@@ -117,13 +124,14 @@ def voltage_for(table: StepTable, step: float | str) -> float:
 
 
 def save_step_table(table: StepTable, path: str | os.PathLike[str], name: str = "step") -> Path:
-    """Write a table: as CSV with a comment head (suffix .csv), or as a C header (.h).
+    """Write a table as CSV with a comment head (suffix .csv) or as a C header (.h), and return the path.
 
-    The header needs C99 and nothing else: ``NAME_at(voltage)``, ``NAME_low(voltage)`` and
-    ``NAME_high(voltage)`` in the table's unit, NaN beyond the table, and for a monotone table
-    ``NAME_voltage(step)`` in V.
+    The header needs C99 and nothing else. It has the functions ``NAME_at(voltage)`` (net step),
+    ``NAME_low(voltage)`` and ``NAME_high(voltage)`` (ends of the band) in the table's unit, NaN beyond the
+    table, and for a monotone table ``NAME_voltage(step)`` in V.
 
     Args:
+        table: the table.
         path: path of the file.
         name: prefix of the names in the header.
 
@@ -166,7 +174,8 @@ def _as_csv(table: StepTable) -> str:
 
 
 def _as_header(table: StepTable, name: str) -> str:
-    """Return the table as a C99 header; see `save_step_table`."""
+    """Return the text of a C99 header with the table; `name` is the prefix of its names (see
+    `save_step_table`)."""
     n, guard = table.voltages.size, f"{name.upper()}_TABLE_H"
     said = "\n".join(f" * {line.replace('*/', '* /')}" for line in _said(table))
     columns = {"voltages": table.voltages, "steps": table.steps, "lows": table.low, "highs": table.high}

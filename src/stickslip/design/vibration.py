@@ -31,10 +31,12 @@ from .moving import PeriodicMotions
 from .polygons import Polygons
 
 Array = NDArray[np.float64]
-# Smallest and largest number of harmonics; and frequency [Hz] up to which all of them are included.
+# HARMONICS, MOST: smallest and largest number of harmonics of the drive that are summed for the noise. HEARD:
+# frequency, Hz, up to which all harmonics are included, the upper limit of hearing.
 HARMONICS, MOST, HEARD = 256, 2**17, 20e3
-# Smallest value that is used for half the difference of the stage's poles, relative to the natural frequency:
-# at critical damping the poles coincide, and the closed form would divide by zero.
+# Smallest value that is used for half the difference of the stage's two poles, relative to the natural
+# frequency. At critical damping the poles coincide, and the closed form of the vibration would divide by
+# zero.
 APART = 1e-6
 
 Gain = Annotated[float, Quantity("m/V", "C", "displacement of the stage per volt")]
@@ -43,7 +45,7 @@ Damping = Annotated[float, Quantity("", "ζ", "damping ratio of the stage", abov
 
 
 def _corners(shapes: Polygons) -> Array:
-    """Return the change of slope at each corner, V/s, [n, k]."""
+    """Return the change of the voltage's slope at each of the k corners of n polygons, V/s, [n, k]."""
     slopes = shapes.slopes()
     return slopes - np.roll(slopes, 1, axis=1)
 
@@ -67,14 +69,14 @@ def audible(shapes: Polygons) -> int:
 def acceleration(
     shapes: Polygons, gain: float, natural: float, damping: float, count: int = HARMONICS
 ) -> NDArray[np.complex128]:
-    """Return harmonics 1 to `count` of the stage's acceleration, complex amplitudes in m/s^2, [n, count]; see
-    the module for the equation.
+    """Return harmonics 1 to `count` of the stage's acceleration, complex amplitudes of exp(i ω_n t) with
+    positive n, [n, count], m/s^2, or rad/s^2 for a rotary actuator; see the module for the equation.
 
     Args:
-        shapes: polygons of the drive voltage.
-        gain: gain of the stage, m/V.
+        shapes: n polygons of the drive voltage.
+        gain: gain of the stage, m/V, or rad/V.
         natural: natural frequency of the stage, rad/s.
-        damping: damping ratio.
+        damping: damping ratio of the stage.
         count: number of harmonics.
     """
     n = np.arange(1, count + 1)
@@ -88,20 +90,22 @@ def acceleration(
 
 
 def least_acceleration(shapes: Polygons, gain: float, natural: float, damping: float) -> Array:
-    """Return the least (most negative) acceleration of the stage over a period, m/s^2, [n]; see the module.
+    """Return the least (most negative) acceleration of the stage within a period of its periodic vibration,
+    [n], m/s^2, or rad/s^2 for a rotary actuator; see the module.
 
     Args:
-        shapes: polygons of the drive voltage.
-        gain: gain of the stage, m/V.
+        shapes: n polygons of the drive voltage.
+        gain: gain of the stage, m/V, or rad/V.
         natural: natural frequency of the stage, rad/s.
-        damping: damping ratio.
+        damping: damping ratio of the stage.
     """
     root = np.emath.sqrt(damping**2 - 1.0)
     root = root if abs(root) > APART else APART
     poles = natural * np.array([root - damping, -root - damping], dtype=complex)
     sides = np.diff(shapes.shares, append=1.0) * shapes.period[:, None]
-    # Each corner excites both parts c exp(p t) equally, with opposite signs; the corners of all earlier
-    # periods add up to the factor that closes the period.
+    # The acceleration between two corners is the sum of two parts c exp(p t), one for each pole p. A corner
+    # excites both parts equally, with opposite signs. The corners of all earlier periods form a geometric
+    # series, whose sum is the division by 1 - exp(p T).
     kick = natural**2 * gain / (poles[0] - poles[1]) * np.array([1.0, -1.0])
     jumps, fades = _corners(shapes)[..., None] * kick, np.exp(sides[..., None] * poles)
     parts = np.zeros((len(sides), 2), dtype=complex)
@@ -123,7 +127,8 @@ def least_acceleration(shapes: Polygons, gain: float, natural: float, damping: f
 
 
 def a_weighting(frequency: Array) -> Array:
-    """Return the A-weighting of amplitudes at frequencies [Hz], 1 at 1 kHz [iec2013]."""
+    """Return the A-weighting, a factor on amplitudes that is 1 at 1 kHz, at frequencies [Hz] in their shape
+    [iec2013]."""
     f2 = frequency**2
     poles = (f2 + 20.6**2) * np.sqrt((f2 + 107.7**2) * (f2 + 737.9**2)) * (f2 + 12194.0**2)
     return 10.0 ** (2.0 / 20.0) * 12194.0**2 * f2**2 / poles
@@ -141,8 +146,11 @@ def _stage_of(model: Any) -> dict[str, float]:
 
 @record
 class TipLoad(NamedTuple):
-    """Goal: smallest tension of the piezo, N: the force with which it pulls the mass of the stage back, which
-    its preload must exceed."""
+    """Goal: smallest tension of the piezo, N, or N m for a rotary actuator.
+
+    The tension is the largest force with which the piezo pulls the mass of the stage back: mass times the
+    most negative acceleration, or 0. The preload of the piezo must exceed it.
+    """
 
     mass: Annotated[float, Quantity("kg", "m_s", "mass that the piezo moves", above=0)]
     gain: Gain
@@ -153,10 +161,11 @@ class TipLoad(NamedTuple):
 
     @classmethod
     def of_stage(cls, model: Any) -> Self:
-        """Return the goal with the values of an actuator.
+        """Return the goal for an actuator `model`: stage mass, gain, natural frequency and damping ratio are
+        taken from the model.
 
         Raises:
-            QuantityError: its stage has no natural frequency.
+            QuantityError: the stage is static and has no natural frequency.
         """
         return cls(mass=model.stage_mass, **_stage_of(model))
 
@@ -168,8 +177,11 @@ class TipLoad(NamedTuple):
 
 @record
 class Noise(NamedTuple):
-    """Goal: smallest A-weighted rms acceleration of the stage, m/s^2. The sound pressure of a source that is
-    small compared with the wavelength is in proportion to it; half of it is 6 dB less."""
+    """Goal: smallest A-weighted rms acceleration of the stage, m/s^2, or rad/s^2 for a rotary actuator.
+
+    The sound pressure of a source that is small compared with the wavelength is in proportion to this
+    acceleration; half the acceleration is 6 dB less.
+    """
 
     gain: Gain
     natural_frequency: Frequency
@@ -179,10 +191,11 @@ class Noise(NamedTuple):
 
     @classmethod
     def of_stage(cls, model: Any) -> Self:
-        """Return the goal with the values of an actuator.
+        """Return the goal for an actuator `model`: gain, natural frequency and damping ratio of its stage are
+        taken from the model.
 
         Raises:
-            QuantityError: its stage has no natural frequency.
+            QuantityError: the stage is static and has no natural frequency.
         """
         return cls(**_stage_of(model))
 

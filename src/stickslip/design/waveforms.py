@@ -97,7 +97,11 @@ def optimise_waveform(
 
 
 def _model_of(model: Any, uncertainty: Uncertainty | None) -> tuple[Actuator, Uncertainty | None]:
-    """Return the actuator, and its uncertainty: the given one, or that of a fit."""
+    """Return the actuator of `model`, which may be a fit; and the given uncertainty, or else the fit.
+
+    Raises:
+        QuantityError: `model` is a posterior or no actuator, or it cannot step (see `check_model`).
+    """
     if isinstance(model, Fit):
         found, uncertainty = model.model, uncertainty or model
     elif isinstance(model, Posterior):
@@ -111,7 +115,7 @@ def _model_of(model: Any, uncertainty: Uncertainty | None) -> tuple[Actuator, Un
 
 
 def check_model(model: Any) -> None:
-    """Raise QuantityError for a model that cannot step."""
+    """Raise QuantityError unless `model` is an actuator whose end-effector is not clamped to the stage."""
     if not isinstance(model, Actuator):
         raise QuantityError(f"model = {model!r:.60} must be an actuator, or the fit of one")
     if model.clamped:
@@ -119,13 +123,23 @@ def check_model(model: Any) -> None:
 
 
 def least_of(value: float | str | None, unit: str, field: str) -> float:
-    """Return a required minimum (speed or force) in SI, checked to be >= 0; 0 if none is given. `unit` is its
-    unit, `field` its name in errors."""
+    """Return a required minimum (speed or force) in SI; 0 if the `value` is None.
+
+    Args:
+        value: number in SI, or text with a unit.
+        unit: SI unit of the quantity.
+        field: name of the argument in errors.
+
+    Raises:
+        QuantityError: the value is negative or has another unit.
+    """
     return 0.0 if value is None else Quantity(unit, "", "it", minimum=0).check(value, field)
 
 
 def check_moves(model: Actuator, goal: Any, speed: float) -> None:
-    """Raise QuantityError for a goal that requires no motion, without a minimum speed."""
+    """Raise QuantityError if neither the goal nor a minimum `speed` above 0 requires motion: the best drive
+    for such a goal (least current, say) would be a constant voltage. `model` gives the unit in the
+    message."""
     if not goal.moves and not speed > 0.0:
         unit = unit_for(model, "m/s")
         raise QuantityError(
@@ -134,7 +148,8 @@ def check_moves(model: Actuator, goal: Any, speed: float) -> None:
 
 
 def check_counts(**given: int) -> None:
-    """Raise QuantityError for a number that is not a whole number within its range."""
+    """Raise QuantityError if an argument, given by its name ("knots", "budget", ...), is not a whole number
+    within its range in `COUNTS`."""
     for name, value in given.items():
         least, most = COUNTS[name]
         if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
