@@ -17,8 +17,8 @@ from ..quantities.records import Quantity, record
 class Chain(NamedTuple):
     """Signal chain from the requested drive to the piezo, and from the end-effector to the position channel.
 
-    The amplifier follows jumps at its slew rate. The channel contains the position delayed by `delay`,
-    multiplied by `scale`, plus `offset`. A fit can have delay and offset free; a prediction uses the
+    The amplifier follows jumps at its `slew_rate` [V/s]. The channel contains the position delayed by `delay`
+    [s], multiplied by `scale`, plus `offset` [m]. A fit can have delay and offset free; a prediction uses the
     estimates; the virtual rig (`Bench.with_chain`) and exported C apply them. If `zeroed` is True, the mean
     position before the drive starts is subtracted from the channel, and `offset` is the remaining offset.
     """
@@ -31,14 +31,14 @@ class Chain(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the position channel, "m"."""
+        """Return the unit of the position channel, always "m"."""
         return "m"
 
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator | None = None
     ) -> NDArray[np.float64]:
-        """Return the samples of the channel, m, shape (n,), for a position [n], m, sampled at `sample_rate`
-        Hz.
+        """Return the samples of the position channel, m, shape (n,): the true position [n], m, sampled at
+        `sample_rate` [Hz], with the chain's delay, scale and offset.
 
         With this method a simulated rig can use the chain as a sensor without noise; `random` is not used.
         """

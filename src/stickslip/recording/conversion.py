@@ -9,14 +9,15 @@ from typing import NamedTuple
 
 from ..quantities.units import LONGEST_UNIT, QuantityError, to_si
 
-# Pattern of angular units with any prefix.
+# Pattern of angular units, with any prefix, which are converted to rad.
 _ANGLE = re.compile(r"\w*?(rad(ian)?s?|deg(ree)?s?|arcsec(ond)?s?|arcmin(ute)?s?|turns?|revolutions?)")
 # SI_UNITS are the allowed values of a recording's ``units`` attribute; the last one is for plain numbers.
 _MECHANICAL = "s,m,kg,N,m/s,m/s^2,rad/s,rad/s^2,N/m,N s/m,N m,J,Pa,W,m^2,m^3,1/m"
 _ELECTRICAL = "V,A,C,F,ohm,H,T,V/s,A/s,m/V,N/V"
 SI_UNITS = (*_MECHANICAL.split(","), *_ELECTRICAL.split(","), "K", "Hz", "rad", "")
 
-# Spellings in headers that the unit parser misunderstands ("Nm" as nautical miles) or does not know.
+# Spellings in headers that the unit parser misunderstands ("Nm" as nautical miles) or does not know, and the
+# spelling that it understands.
 _SPELLINGS = {"Nm": "N m", "Nmm": "N mm", "mNm": "mN m", "-": "", "1": "", "°": "deg"}
 _SPELLINGS |= {"Ohm": "ohm", "kOhm": "kohm", "MOhm": "Mohm", "mil": "thou", "mils": "thou"}
 
@@ -26,8 +27,8 @@ _SCALED = re.compile(r"(?P<number>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)\s*\*?\s
 
 
 class Conversion(NamedTuple):
-    """Conversion to SI: ``SI value = factor * value + offset``. `unit` is the SI unit; the offset is 0 except
-    for temperatures."""
+    """Conversion to SI: ``SI value = factor * value + offset``. `unit` is the SI unit; the offset, in this
+    unit, is 0 except for temperatures."""
 
     unit: str
     factor: float
@@ -47,7 +48,9 @@ def to_si_unit(unit: str) -> Conversion:
     if text in SI_UNITS:
         return Conversion(text, 1.0, 0.0)
     spellings = [text]
-    if len(text) > 3 and text.isalpha():  # names such as "Volts" in lower case; in short symbols case matters
+    # Names of units such as "Volts" are also tried in lower case and without "s"; in short symbols, case
+    # matters.
+    if len(text) > 3 and text.isalpha():
         spellings += [text.lower(), text.lower().rstrip("s")]
     for spelling in spellings:
         for target in _targets(spelling):
@@ -77,7 +80,7 @@ def to_si_scale(text: str) -> Conversion:
 
 
 def is_number(text: str) -> bool:
-    """Return True if a text is only a number."""
+    """Return True if a text is a number without a unit, in a form that Python reads."""
     try:
         float(text)
     except ValueError:
@@ -86,11 +89,12 @@ def is_number(text: str) -> bool:
 
 
 def _targets(unit: str) -> tuple[str, ...]:
-    """Return the SI units to which `unit` may be converted, in the order to try, chosen by its spelling:
-    dimensions alone do not distinguish Hz from 1/s, J from N m, or rad from plain numbers."""
+    """Return the SI units to which `unit` may be converted, in the order to try. The spelling chooses them,
+    because dimensions alone do not distinguish Hz from 1/s, J from N m, or rad from plain numbers."""
     if "hz" in unit.lower():
         return ("Hz",)
-    if unit.endswith("J"):  # joule has the same dimension as a torque
+    # A joule has the same dimension as a torque.
+    if unit.endswith("J"):
         return ("J",)
     if _ANGLE.fullmatch(unit):
         return ("rad",)
@@ -98,7 +102,7 @@ def _targets(unit: str) -> tuple[str, ...]:
 
 
 def is_unit(text: str, convert: Callable[[str], Conversion] = to_si_unit) -> bool:
-    """Return True if the text is a unit that `convert` accepts (without QuantityError)."""
+    """Return True if the function `convert` accepts the text as a unit, that is, raises no QuantityError."""
     try:
         convert(text)
     except QuantityError:

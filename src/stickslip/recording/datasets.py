@@ -21,13 +21,16 @@ _BESIDE_CHECKOUT = Path(__file__).resolve().parents[3].parent / "shared" / "data
 
 
 class Dataset(NamedTuple):
-    """One published data set: address of the repository's files (`url`), licence, credit, and SHA-256 of each
-    file by path."""
+    """One published data set.
+
+    Fields: `url`, address of the folder with its files at a fixed commit; `licence`; `credit`, its authors;
+    `files`, the SHA-256 checksum of each file by its path below `url`.
+    """
 
     url: str
     licence: str
     credit: str
-    files: Mapping[str, str]  # SHA-256 of each file, by its path below `url`
+    files: Mapping[str, str]
 
 
 DATASETS = {name: Dataset(**entry) for name, entry in tomllib.loads(_FILE.read_text("utf-8")).items()}
@@ -41,11 +44,12 @@ def dataset_path(name: str, file: str) -> Path:
     downloaded to the cache from the authors' repository (by pooch, extra "data").
 
     Args:
-        name: a key of `DATASETS`.
-        file: one of its files.
+        name: name of the data set, a key of `DATASETS`.
+        file: name of one of its files, without folder.
 
     Raises:
-        RecordingError: there is no such data set or file, or it is not here and cannot be downloaded.
+        RecordingError: there is no such data set or file, or it is not on this computer and cannot be
+            downloaded.
     """
     if name not in DATASETS:
         raise RecordingError(f"there is no data set {name!r}; there are {', '.join(DATASETS)}")
@@ -76,19 +80,21 @@ def fetch(url: str, sha256: str, name: str) -> Path:
         RecordingError: pooch is not installed, the address cannot be reached, or the checksum differs.
     """
     try:
-        import pooch  # an optional dependency, because only examples download data
+        # pooch is an optional dependency, because only examples and tests download data.
+        import pooch
     except ImportError as error:
         raise RecordingError("fetching it needs pooch: pip install 'stickslip[data]'") from error
     cache, outer = Path(pooch.os_cache("stickslip")) / name, sys.exception()
     try:
         return Path(pooch.retrieve(url, f"sha256:{sha256}", fname=url.rsplit("/", 1)[1], path=cache))
-    except (OSError, ValueError) as error:  # requests' errors are OSErrors; a wrong checksum is a ValueError
+    # Errors of requests, which pooch uses, are OSErrors; a wrong checksum is a ValueError.
+    except (OSError, ValueError) as error:
         raise RecordingError(f"it cannot be fetched from {url}: {_first(error, outer)}") from error
 
 
 def _first(error: BaseException, outer: BaseException | None) -> str:
-    """Return the message of the first exception in a chain, such as "Name or service not known", without
-    exceptions that were active before (`outer`)."""
+    """Return the message of the first exception in the chain that led to `error`, such as "Name or service
+    not known". The exception `outer`, which was active before, and earlier ones are not considered."""
     while error.__context__ is not None and error.__context__ is not outer:
         error = error.__context__
     return str(error)

@@ -27,13 +27,14 @@ if TYPE_CHECKING:
 
 
 def drive_text(waveform: Waveform) -> str:
-    """Return the JSON text that describes a waveform, for the attribute "drive" of a recording."""
+    """Return the JSON text that describes a waveform, for the attribute "drive" of a recording: its
+    registered name, and its fields (in SI) that differ from their defaults."""
     return json.dumps(_data(waveform))
 
 
 def named_drive(recording: xr.Dataset) -> Waveform | None:
-    """Return the waveform in a recording's attribute "drive"; its time is 0 at the start of the waveform, not
-    of the recording.
+    """Return the waveform in a recording's attribute "drive". Its time is 0 at the start of the waveform,
+    which may be later than the start of the recording.
 
     The result is None if the attribute is missing or invalid, or names an unknown waveform (see
     `registry.use_file`).
@@ -70,7 +71,7 @@ def _fields(waveform: Any) -> dict[str, Any]:
 
 
 def _made(data: Any) -> Any:
-    # A list that starts with a dictionary is one part of a sequence: the waveform and its duration.
+    # A list that starts with a dictionary is one part of a sequence: a waveform and its duration [s].
     if isinstance(data, list) and data and isinstance(data[0], dict):
         return tuple(map(_made, data))
     if not isinstance(data, dict):

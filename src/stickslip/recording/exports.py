@@ -36,7 +36,8 @@ def save_matlab(
     layout: Layout = "trace",
     units: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a recording to a ``.mat`` file (version 5) and return the path; the file is replaced as a whole.
+    """Write a recording to a ``.mat`` file (version 5) and return the absolute path; an existing file is
+    replaced as a whole.
 
     Args:
         recording: dataset over "time".
@@ -45,11 +46,11 @@ def save_matlab(
             for each variable, and ``trace_names`` and ``trace_units`` contain the names and units of the
             rows. "controldesk", the structure that ControlDesk writes: named after the file, with ``.X.Data``
             and ``.Y(k).Name``, ``.Y(k).Unit``, ``.Y(k).Data``.
-        units: unit in the file ("um") by variable; SI for the others.
+        units: unit in the file ("um") by the variable's name; SI for the others.
 
     Raises:
-        RecordingError: the recording breaks the schema, a unit does not fit, or the name does not end in
-            ``.mat``.
+        RecordingError: the recording breaks the schema, a unit does not fit, `units` has an unknown variable,
+            the layout is unknown, or the name does not end in ``.mat``.
         OSError: the file cannot be written.
     """
     target = _target(path, ".mat")
@@ -75,9 +76,14 @@ def save_csv(
     recording: xr.Dataset, path: str | os.PathLike[str], units: Mapping[str, str] | None = None
 ) -> Path:
     """Write a recording to a ``.csv`` file with the header "time [s],drive_voltage [V],..." and return the
-    path.
+    absolute path.
 
-    All digits of the numbers are written. `units` and errors are as for `save_matlab`.
+    All digits of the numbers are written. `units` is as for `save_matlab`.
+
+    Raises:
+        RecordingError: the recording breaks the schema, a unit does not fit, `units` has an unknown variable,
+            or the name does not end in ``.csv``.
+        OSError: the file cannot be written.
     """
     target = _target(path, ".csv")
     columns = _columns(recording, units)
@@ -102,10 +108,11 @@ def _target(path: str | os.PathLike[str], suffix: str) -> Path:
 def _columns(
     recording: xr.Dataset, units: Mapping[str, str] | None
 ) -> list[tuple[str, str, NDArray[np.float64]]]:
-    """Return name, unit and values of each variable, converted to the unit in `units` or else in SI.
+    """Return a tuple (name, unit, values [n]) of each variable, converted to the unit in `units` or else in
+    SI.
 
     Raises:
-        RecordingError: the recording breaks the schema, or `units` has an unknown variable or unit.
+        RecordingError: the recording breaks the schema, or `units` has an unknown variable or a wrong unit.
     """
     validate_recording(recording)
     units = dict(units or {})
@@ -144,21 +151,22 @@ def _structure(
 
 
 def _matlab_identifier(text: str) -> str:
-    """Return a text as a valid name of a MATLAB variable: letters, digits and underscores, 31 at most."""
+    """Return a text as a valid name of a MATLAB variable: ASCII letters, digits and underscores, a letter
+    first, at most 31 characters."""
     name = "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in text)
     return (name if name[:1].isalpha() else f"r_{name}")[:31]
 
 
 class Export(NamedTuple):
-    """A file format for other programs: its title for users, the ending of file names, and the function that
-    writes a recording to a path and returns the path."""
+    """A file format for other programs: `title` for users; `ending` of file names; and `write`, a function
+    that writes a recording to a path and returns the path."""
 
     title: str
     ending: str
     write: Callable[[xr.Dataset, Path], Path]
 
 
-# Export formats by the name that experiment files (`save_as`) and the panel use.
+# Export formats by the name that the experiment file's field `save_as` and the panel use.
 EXPORTS = {
     "mat": Export("MAT", ".mat", save_matlab),
     "controldesk": Export(

@@ -28,22 +28,25 @@ if TYPE_CHECKING:
 
 NEXUS = ".nxs"
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-# Pattern of field names to which NeXus gives another meaning in an NXdata group.
+# Pattern of variable names that have another meaning as fields of an NXdata group.
 _TAKEN = re.compile(r"(title|(.*_)?(errors|offset|scaling_factor)|.*_(weights|mask|set|indices))")
 _POINTS = 11  # number of points of a calibration curve that is written as a table
 
 
 def save_nexus(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
-    """Write a recording to a NeXus file (``.nxs``) and return the path; the file is replaced as a whole.
+    """Write a recording to a NeXus file (``.nxs``) and return the absolute path; an existing file is replaced
+    as a whole.
 
-    `open_recording` and `read_recording` return the same recording from it.
+    `open_recording` and `read_recording` return the same recording from this file.
 
     Raises:
-        RecordingError: the recording breaks the schema, an attribute cannot be stored, a variable has a name
-            that NeXus does not allow, or the name of the file does not end in ``.nxs``.
+        RecordingError: the recording breaks the schema, an attribute cannot be stored or has a name that
+            NeXus uses, a variable has a name that NeXus does not allow, or the name of the file does not end
+            in ``.nxs``.
         OSError: the file cannot be written.
     """
-    from ..gate.hdf5_writing import Group, hdf5_bytes, hdf5_version  # imported only for writing
+    # The import is here, because only writing needs the module.
+    from ..gate.hdf5_writing import Group, hdf5_bytes, hdf5_version
 
     target = Path(path).resolve()
     if target.suffix != NEXUS:
@@ -80,8 +83,9 @@ def _group(nx_class: str, members: dict[str, Any], **attributes: Any) -> Any:
 
 
 def _entry(recording: xr.Dataset) -> Any:
-    """Return the NXentry group of a file: title, start and end time, program and notes in their NeXus fields,
-    and the groups of data, instrument, calibrations and attributes."""
+    """Return the NXentry group of a recording's file: title, start and end time, program and notes in their
+    NeXus fields, and the groups of data, instrument, calibrations and attributes. Empty fields and groups are
+    left out."""
     from ..gate.hdf5_writing import Field
 
     attrs, time = recording.attrs, recording["time"].values
@@ -101,7 +105,8 @@ def _entry(recording: xr.Dataset) -> Any:
 
 
 def _moment(epoch: str, seconds: float) -> str:
-    """Return the date and time, ISO 8601, of a time [s] of the recording; "" if the recording has no date."""
+    """Return the date and time, ISO 8601, at `seconds` [s] in the time of a recording whose time zero is
+    `epoch` (ISO 8601); "" without a valid epoch."""
     try:
         return (datetime.fromisoformat(epoch) + timedelta(seconds=seconds)).isoformat()
     except (ValueError, OverflowError):
@@ -119,7 +124,7 @@ def _data(recording: xr.Dataset) -> Any:
     members = {}
     for name in ("time", *names):
         variable = recording[name]
-        # NeXus requires the attribute "target" of a field to which other groups have links.
+        # NeXus requires the attribute "target" in a field to which other groups have links.
         links = {"target": f"{DATA}/{name}"} if name in positions else {}
         members[name] = Field(variable.values, {**storable_attributes(variable.attrs, f"{name}."), **links})
     return _group("NXdata", members, **attributes, **({"auxiliary_signals": others} if others else {}))
@@ -153,15 +158,16 @@ def _instrument(recording: xr.Dataset) -> Any:
 
 
 def _calibrations(attrs: dict[Any, Any]) -> Any:
-    """Return an NXcollection of the applied calibrations, each as polynomial and as table, numbered in the
-    order of application; None if there are none."""
+    """Return an NXcollection of the calibrations in a recording's attributes, each as polynomial and as
+    table, named "VARIABLE_NUMBER" in the order of application; None if there are none."""
     made = {}
     for name, applied in json_attribute(attrs, "calibration").items():
         for k, said in enumerate(applied if isinstance(applied, list) else [], 1):
             try:
                 made[f"{name}_{k}"] = _calibration(name, k, from_text(json.dumps(said)))
             except CalibrationError:
-                continue  # a user's own entry; it remains in the attribute "calibration"
+                # An entry of the user that is no calibration remains only in the attribute "calibration".
+                continue
     return _group("NXcollection", made) if made else None
 
 

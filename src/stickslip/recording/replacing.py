@@ -15,7 +15,8 @@ BIN = ".bin"
 
 
 def part_of(target: Path) -> Path:
-    """Return the temporary path for a file that will replace the target, in the same folder.
+    """Return the temporary path, in the same folder, of a file that will replace the target:
+    ".NAME.PROCESS.part".
 
     Each process has its own path, which contains the process number. `remove_leftovers` removes the files of
     killed processes.
@@ -25,10 +26,10 @@ def part_of(target: Path) -> Path:
 
 @contextmanager
 def replaced_whole(target: Path) -> Iterator[Path]:
-    """Provide a temporary path beside the target to write to; at the end it is flushed to disk and renamed to
-    the target.
+    """Provide a temporary path beside the target, to which the block writes. At its end, the content is
+    flushed to disk and the file is renamed to the target; after an error, the temporary file is removed.
 
-    At every moment the name refers to a complete file, the old one or the new one.
+    At every moment the target's name refers to a complete file, the old one or the new one.
 
     Raises:
         OSError: the file cannot be written; the message names the target.
@@ -41,16 +42,18 @@ def replaced_whole(target: Path) -> Iterator[Path]:
     except OSError as error:
         if error.errno is None:
             raise
-        # For a full disk the original error has no file name, and for a missing folder the temporary name.
+        # With a full disk the original error has no file name; with a missing folder it has the temporary
+        # name.
         raise OSError(error.errno, error.strerror, str(target)) from error
     finally:
         temporary.unlink(missing_ok=True)
-    if os.name == "posix":  # only there can a folder be opened, to write its new entry to the disk
+    # Under POSIX a folder can be opened, to write its new entry to the disk.
+    if os.name == "posix":
         _sync(target.parent)
 
 
 def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
-    """Return the dictionary in a JSON file of up to `most` bytes; None if the file does not exist.
+    """Return the dictionary in a JSON file of at most `most` bytes; None if the file does not exist.
 
     Raises:
         ValueError: the path is not a regular file, or the file is too large or not a JSON mapping.
@@ -58,9 +61,11 @@ def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
     """
     if not os.path.lexists(path):
         return None
-    if not path.is_file() or path.stat().st_size > most:  # opening a pipe may never return
+    # A file of another kind, such as a pipe, is refused, because opening it may never return.
+    if not path.is_file() or path.stat().st_size > most:
         raise ValueError(f"no plain file of up to {most} bytes")
-    # The file is the program's own, so it is read directly; a server's process that checks files may be busy.
+    # The file is the program's own, so this process reads it directly; a server's separate process that
+    # checks files may be busy.
     found = load_json(read_file(path, most), str(path))
     if not isinstance(found, dict):
         raise ValueError("no JSON of names and values")
@@ -68,8 +73,8 @@ def read_small(path: Path, most: int = 100_000) -> dict[str, Any] | None:
 
 
 def to_bin(folder: Path, name: str) -> Path:
-    """Move the file or folder `name` in `folder` to the folder's bin (``.bin``), under an unused name, and
-    return its new path."""
+    """Move the file or folder `name` in `folder` to the subfolder ``.bin``, numbered if this name is in use
+    there, and return its new path. Raises OSError if the move is impossible."""
     called, number = Path(name), 1
     target = folder / BIN / name
     while os.path.lexists(target):
@@ -80,8 +85,8 @@ def to_bin(folder: Path, name: str) -> Path:
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove temporary files (``.part``) of processes that no longer exist from a folder; return their
-    number."""
+    """Remove from a folder the temporary files (``.part``) of processes that no longer exist, and of this
+    process; return their number."""
     gone = 0
     for path in folder.glob(".*.part"):
         process = path.name.split(".")[-2]
@@ -94,18 +99,20 @@ def remove_leftovers(folder: Path) -> int:
 def is_running(process: int) -> bool:
     """Return True if a process with the number `process` exists and is not the calling process."""
     if process in (0, os.getpid()):
-        return False  # a file with this process's own number is left from an earlier process
+        # A file with this process's own number remains from an earlier process with the same number.
+        return False
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
         return False
-    except OSError:  # it exists, but belongs to another user
+    # The process exists, but belongs to another user.
+    except OSError:
         return True
     return True
 
 
 def _sync(path: Path) -> None:
-    """Wait until the path's content is on the disk."""
+    """Wait until the content of a file or folder is on the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -1,5 +1,5 @@
-"""Schema of recordings and its checks: an ``xarray.Dataset`` over "time", the same for files, rigs and
-simulations.
+"""Schema of recordings and its checks. A recording is an ``xarray.Dataset`` over "time", the same for files,
+rigs and simulations.
 
 The schema and its reasons: docs/decisions/recording-schema.md.
 """
@@ -38,7 +38,7 @@ class RecordingWarning(UserWarning):
 
 
 class Meaning(NamedTuple):
-    """SI unit and descriptive name of a standard variable."""
+    """Meaning of a standard variable: its SI `unit` and its descriptive `long_name`."""
 
     unit: str
     long_name: str
@@ -65,21 +65,23 @@ STANDARD_NAMES = {
 
 
 def fits_name(name: str, unit: str) -> bool:
-    """Return True if a channel with that name may have the unit (SI); without a standard name, any unit is
-    allowed."""
+    """Return True if a channel with this name may have this SI unit. A standard name allows its unit and the
+    corresponding one for rotary bodies (rad for m); any other name allows any unit."""
     standard = STANDARD_NAMES.get(name)
     return standard is None or unit in (standard.unit, ANGLE.unit(standard.unit))
 
 
 @functools.cache
 def meant_name(name: str) -> str:
-    """Return the standard name (or "time") of which a name is probably a misspelling, otherwise "".
+    """Return the standard name (or "time") of which a name is probably a misspelling; "" if it is similar to
+    none.
 
     The result is also "" for a standard name itself, and for a user's name that contains all words of one,
     such as ``end_effector_position_2`` or ``position_raw``.
     """
     known = ["time", *STANDARD_NAMES]
-    cutoff = 0.9 if len(name) > 4 else 0.85  # similarity; one wrong letter lowers it more in short names
+    # Smallest similarity (0 to 1) to a known name; a wrong letter reduces that of a short name more.
+    cutoff = 0.9 if len(name) > 4 else 0.85
     close = get_close_matches(name.lower(), known, n=1, cutoff=cutoff)
     words = set(re.split(r"[\W\d_]+", name))
     return "" if not close or words.issuperset(close[0].split("_")) else close[0]
@@ -97,9 +99,9 @@ def _warn_of_misspelling(name: str) -> None:
 
 
 class Sampling(NamedTuple):
-    """Intervals of a time axis, in seconds: the median, the smallest and the largest."""
+    """Sampling intervals of a time axis, s: the median (`interval`), `smallest_gap` and `largest_gap`."""
 
-    interval: float  # median interval
+    interval: float
     smallest_gap: float
     largest_gap: float
 
@@ -112,7 +114,8 @@ class Sampling(NamedTuple):
 
 
 def sampling(recording: xr.Dataset) -> Sampling:
-    """Return the sampling of a recording, computed from its time axis."""
+    """Return the median, smallest and largest sampling interval of a recording, computed from its time
+    axis."""
     return _sampling(recording["time"].values)
 
 
@@ -135,7 +138,7 @@ def make_recording(
     epoch: str = "",
     long_names: Mapping[str, str] | None = None,
 ) -> xr.Dataset:
-    """Return a recording made from arrays.
+    """Return a recording made from arrays, after checks.
 
     Args:
         time: seconds, strictly ascending, at least two samples.
@@ -144,10 +147,10 @@ def make_recording(
             ``units`` of a DataArray, is used, also for the time.
         title, notes: free text.
         source, reader: origin file of the data, and its reader.
-        calibration: how the sensors were calibrated, as text or JSON.
+        calibration: calibrations of the sensors, as text or JSON.
         processing: processing steps since the measurement.
         epoch: date and time of time zero, in ISO 8601, if known.
-        long_names: descriptive names of variables with unclear names.
+        long_names: descriptive names of variables with unclear names, by variable.
 
     Raises:
         RecordingError: see `validate_recording`; or a unit is unknown or does not fit a standard name.
@@ -161,7 +164,8 @@ def make_recording(
         array, unit = _in_si(str(name), *_with_unit(value))
         standard = STANDARD_NAMES.get(name)
         own = standard.long_name if standard else str(name).replace("_", " ")
-        if standard and unit != standard.unit:  # an angle or a torque
+        # A standard variable in another unit is that of a rotary body: an angle or a torque.
+        if standard and unit != standard.unit:
             own = ANGLE.name(own)
         long_name = long_names.get(name) or own
         if array.shape != time.shape:
@@ -201,10 +205,11 @@ def _over_time(array: np.ndarray, **attributes: str) -> xr.Variable:
 
 
 def _frame(seconds: bytes, labels: tuple[_Label, ...]) -> xr.Dataset:
-    """Return a recording with zeros for its samples: the time axis with its sampling, and labelled variables.
+    """Return a recording with zeros as samples, which copies fill: the time axis with its sampling, and
+    labelled variables.
 
     Args:
-        seconds: bytes of the time axis, float64, s.
+        seconds: the times [s] as bytes of float64, so that calls can be cached.
         labels: name, unit and long name of each variable.
     """
     import pandas as pd
@@ -213,7 +218,7 @@ def _frame(seconds: bytes, labels: tuple[_Label, ...]) -> xr.Dataset:
     time = np.frombuffer(seconds)
     empty = np.broadcast_to(0.0, time.shape)
     data = {one.name: _over_time(empty, units=one.unit, long_name=one.long_name) for one in labels}
-    # The index is made here, because xarray imports pint to make one from an array.
+    # The index is made here, because xarray would import pint to make one from an array.
     axis = ("time", pd.Index(time, name="time"), {"units": "s", "long_name": "time"})
     frame = validate_recording(xr.Dataset(data, coords={"time": axis}))
     found = _sampling(time)
@@ -223,9 +228,9 @@ def _frame(seconds: bytes, labels: tuple[_Label, ...]) -> xr.Dataset:
     return frame
 
 
-# Cached `_frame`, because xarray takes most of the time for combining variables, and thousands of simulations
-# have the same time axis and labels. _OFTEN is the largest number of samples for which the cache is used:
-# with more, other steps take longer, and the cache would need memory.
+# `_kept_frame` caches `_frame`, because xarray takes most of the time for combining variables, and thousands
+# of simulations have the same time axis and labels. _OFTEN: largest number of samples for which the cache is
+# used. With more, other steps take longer, and the cache would need memory.
 _kept_frame = functools.lru_cache(maxsize=8)(_frame)
 _OFTEN = 20_000
 
@@ -240,14 +245,16 @@ def _with_unit(value: Any) -> tuple[Any, str | None]:
             return array, unit
     if isinstance(value, xr.DataArray):
         return value.values, value.attrs.get("units")
-    if hasattr(value, "magnitude"):  # a pint quantity, whose unit NumPy would remove
+    # NumPy would remove the unit of a pint quantity.
+    if hasattr(value, "magnitude"):
         return value.magnitude, str(value.units)
     return value, None
 
 
 def _seconds(time: Any) -> np.ndarray:
     array, unit = _with_unit(time)
-    if np.asarray(array).dtype.kind in "mM":  # NumPy would count nanoseconds
+    # Dates are refused, because NumPy would convert them to a number of nanoseconds.
+    if np.asarray(array).dtype.kind in "mM":
         raise RecordingError(
             "time holds dates or durations, not numbers: give seconds since the first sample"
         )
@@ -260,11 +267,11 @@ def _seconds(time: Any) -> np.ndarray:
 
 
 def _in_si(name: str, array: Any, unit: str | None) -> tuple[np.ndarray, str]:
-    """Return the values as float64 in SI, and the SI unit. Without a given unit (None), values are taken to
-    be in the unit of the standard name, or plain numbers."""
+    """Return the values as float64 in SI, and the SI unit. With None as unit, values are taken to be in the
+    unit of the standard name, or plain numbers. Raises RecordingError for wrong values or units."""
     standard = STANDARD_NAMES.get(name)
     try:
-        # Masked values become NaN (missing); `np.asarray` would ignore the mask.
+        # Masked values become NaN (missing), because `np.asarray` would ignore the mask.
         if np.ma.isMaskedArray(array):
             array = np.ma.filled(array.astype(np.float64), np.nan)
         values = np.asarray(array, dtype=np.float64)
@@ -284,8 +291,8 @@ def _in_si(name: str, array: Any, unit: str | None) -> tuple[np.ndarray, str]:
 
 
 def with_schema(attrs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the attributes of a recording, with missing ones of the schema added: its version, the library,
-    the date, and empty texts."""
+    """Return the attributes of a recording as a dictionary, with missing ones of the schema added:
+    schema_version, library, the date of creation, and empty texts."""
     own = {
         "schema_version": SCHEMA_VERSION,
         "library": f"stickslip {__version__}",
@@ -336,11 +343,12 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
 
 def refuse_unit(name: str, unit: str, where: str = "") -> None:
     """Raise RecordingError if the unit of a variable is known, but not an SI unit without prefix, as
-    recordings require; `where` follows the variable's name in the message."""
+    recordings require. `where` is text that follows the variable's name in the message."""
     try:
         conversion = to_si_unit(unit)
     except QuantityError:
-        return  # a unit that the package does not know, which users may choose
+        # Users may choose a unit that the package does not know.
+        return
     if (conversion.factor, conversion.offset) != (1.0, 0.0):
         raise RecordingError(
             f"{name}{where} is labelled {unit!r}, but recordings are in {conversion.unit or 'numbers'}: "
@@ -369,11 +377,12 @@ def _check_finite(name: str, unit: str, values: np.ndarray) -> None:
 
 
 def storable_attributes(attrs: Mapping[Any, Any], of: str = "") -> dict[str, Any]:
-    """Return the attributes in types that HDF5 can store; booleans become 0 or 1.
+    """Return the attributes in types that HDF5 can store; booleans become 0 or 1. `of` is a prefix of the
+    attributes' names in messages.
 
     Raises:
         RecordingError: an attribute is neither text nor a number, or contains characters that cannot be
-            stored; the message contains the attribute's name after the prefix `of`.
+            stored.
     """
     return {str(name): _storable(f"{of}{name}", value) for name, value in attrs.items()}
 

@@ -21,27 +21,33 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Drive = Step | Sawtooth | ReverseSawtooth | Triangle | Sine
 
-# Changes of the drive relative to its range: a larger change than MOVED from the first sample shows that the
-# drive has started. It started after the last sample within STILL, or the noise if larger, of its rest level.
+# MOVED: change of the drive since the first sample, as a share of its range, that shows that the drive has
+# started. STILL: largest difference from the level at rest, as a share of the range, of a sample at rest (or
+# the noise, if larger); the drive starts after the last such sample.
 MOVED, STILL = 0.02, 1e-4
-SURELY = 6.0  # deviation, in standard deviations of the noise, that no sample reaches by chance
-# Largest differences between a recognised waveform and the channel, relative to the range: `_NEAR` for the
-# median, `_OFTEN` for 95 % of the samples; the other samples may be near jumps.
+# Deviation, in standard deviations of the noise, that no sample reaches by chance.
+SURELY = 6.0
+# Largest differences between a recognised waveform and the channel away from jumps, as a share of the range:
+# _NEAR for the median, _OFTEN for 95 % of the samples.
 _NEAR, _OFTEN = 0.01, 0.05
-# Users choose round numbers, so frequency, amplitude and offset are rounded: by at most the relative change
-# _ROUND, and if the residual does not increase by more than the relative change _AS_GOOD or, with few
-# samples, _CHANCE / number of samples (three standard errors).
+# Users choose round numbers, so frequency, amplitude and offset are rounded. _ROUND: largest relative change
+# by rounding. _AS_GOOD: largest relative increase of the residual by rounding or, if larger, _CHANCE divided
+# by the number of samples (three standard errors).
 _ROUND, _AS_GOOD, _CHANCE = 0.003, 0.005, 4.5
-_EXPLAINED = 1.3  # residual, in units of the channel's white noise, above which other frequencies are tried
-_STEPS = 8  # largest number of Gauss-Newton steps; two or three are usual
-_EXACT = 1e-6  # difference of residuals, relative to the range, below which they count as equal
-MOST_FITTED = 100_000  # largest number of samples for the fit of a waveform; a longer recording is thinned
-MOST_SAMPLES = 2000  # largest number of samples with which a start is refined
+# Residual, in standard deviations of the channel's white noise, above which other frequencies are tried.
+_EXPLAINED = 1.3
+_STEPS = 8  # largest number of Gauss-Newton steps; two or three usually suffice
+# Increase of the residual by rounding, as a share of the channel's range, that is always allowed.
+_EXACT = 1e-6
+# Largest number of samples to which a waveform is fitted; of a longer recording, every second, third, ... is
+# used.
+MOST_FITTED = 100_000
+MOST_SAMPLES = 2000  # largest number of samples with which the start is refined
 
 
 class RecognisedDrive(NamedTuple):
-    """A recognised waveform: its start `begin` [s] in the time of the recording, the waveform in time since
-    this start, and the rms residual of the channel away from jumps, V."""
+    """A recognised waveform: its start `begin` [s] in the time of the recording; the `waveform` in time since
+    this start; and `residual`, the rms difference [V] between channel and waveform away from jumps."""
 
     begin: float
     waveform: Drive
@@ -49,8 +55,9 @@ class RecognisedDrive(NamedTuple):
 
 
 def drive_begins(recording: xr.Dataset) -> float | None:
-    """Return the time [s] of the last sample at rest before the drive voltage starts to change; None without
-    a drive voltage, if it never changes, or if it changes from the first samples on."""
+    """Return the time [s] of the last sample at rest before the drive voltage starts to change. The result is
+    None without the variable drive_voltage, if it never changes, or if it changes from the first samples
+    on."""
     if "drive_voltage" not in recording:
         return None
     drive = recording["drive_voltage"].values
@@ -61,7 +68,8 @@ def drive_begins(recording: xr.Dataset) -> float | None:
         return None
     rest = drive[: moved[0] // 2 + 1]
     early, late = np.array_split(rest, 2)
-    if abs(float(np.mean(late) - np.mean(early))) > far / 8.0:  # the drive changes from the first sample on
+    # The drive changes from the first sample on, so there is no rest.
+    if abs(float(np.mean(late) - np.mean(early))) > far / 8.0:
         return None
     noise = max(SURELY * float(np.std(rest)), STILL * span)
     still = np.flatnonzero(np.abs(drive[: moved[0]] - np.mean(rest)) <= noise)
@@ -78,7 +86,8 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
         drive: waveform in time since its start.
 
     Returns:
-        The start of the waveform [s], and the mean absolute difference between waveform and channel [V].
+        Start of the waveform in the time `since` [s], and mean absolute difference between waveform and
+        channel [V].
     """
     table, interval = drive.drive(float(since[-1])), float(since[-1]) / (since.size - 1)
     even = np.linspace(0.0, float(since[-1]), since.size)
@@ -102,8 +111,9 @@ def best_begin(since: Array, u: Array, drive: Waveform) -> tuple[float, float]:
 
 
 def shown_drive(recording: xr.Dataset) -> RecognisedDrive | None:
-    """Return the step, sawtooth, triangle or sine that a recording's channel drive_voltage follows; None if
-    the channel follows none of these or is missing."""
+    """Return the step, sawtooth, triangle or sine that a recording's channel drive_voltage follows, as a
+    `RecognisedDrive`. The result is None if the channel follows none of these, is constant or missing, or has
+    fewer than three samples."""
     if "drive_voltage" not in recording or recording.sizes["time"] < 3:
         return None
     start = float(recording["time"].values[0])
@@ -128,14 +138,15 @@ def shown_drive(recording: xr.Dataset) -> RecognisedDrive | None:
     if not best.is_shown(since, volts):
         return None
     best = best.rounded(since, volts)
-    if since.size < whole[0].size:  # the fit used only some samples, and a step may start between these
+    # The fit used only some of the samples, and a step may start between these.
+    if since.size < whole[0].size:
         best = best._replace(begin=best_begin(*whole, best.shape)[0])
     return best.shown(start)
 
 
 def flow(drive: Drive) -> str:
-    """Return a waveform in the YAML notation of input files, "{shape: NAME, fields: {...}}", without fields
-    that are 0."""
+    """Return a waveform as YAML text for input files: "{shape: NAME, fields: {amplitude: 65 V, ...}}",
+    without fields that are 0."""
     units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
     fields = {name: getattr(drive, name) for name in units if name in drive._fields}
     said = {name: f"{value:g}{units[name]}" for name, value in fields.items() if value}
@@ -143,14 +154,14 @@ def flow(drive: Drive) -> str:
 
 
 def off_jumps(shape: Array) -> NDArray[np.bool_]:
-    """Return a boolean mask [n] of the samples of a waveform [n] that are not next to its jumps: changes per
-    sample below 20 % of the range."""
+    """Return a mask [n] of the samples of a waveform [n] that are not next to a jump: there, the change per
+    sample is below 20 % of the waveform's range."""
     return np.abs(np.gradient(shape)) < 0.2 * np.ptp(shape)
 
 
 def _candidates(time: Array, moved: Array) -> list[Drive]:
-    """Return the waveforms to try, with the amplitude, frequency and number of periods of a channel: a step,
-    or sawtooths, triangle and sines; empty if the channel does not alternate.
+    """Return the waveforms to try, with the amplitude, frequency and number of periods that the channel
+    shows: a step, or two sawtooths, a triangle and two sines; empty if the channel does not alternate.
 
     Args:
         time: sample times since the start of the drive, s.
@@ -170,7 +181,8 @@ def _candidates(time: Array, moved: Array) -> list[Drive]:
     apart = float(edges[-1] - edges[0])
     rate = (len(edges) - 1) / apart
     left = time[np.abs(moved) > max(0.02 * (high - low), SURELY * noise_level(moved))]
-    if not left.size:  # no sample differs from the level at rest by more than the noise
+    # No sample differs from the level at rest by more than the noise.
+    if not left.size:
         return []
     count = float(max(1, round(float(left[-1]) * rate + 0.02)))
     shapes: list[Drive] = [one(size, rate, periods=count) for one in (Sawtooth, ReverseSawtooth, Triangle)]
@@ -178,7 +190,8 @@ def _candidates(time: Array, moved: Array) -> list[Drive]:
 
 
 class _Fitted(NamedTuple):
-    """A waveform with the amplitude, offset, frequency and start that fit a channel best."""
+    """A waveform (`shape`, in time since its start) that is fitted to a channel; its start `begin` in s since
+    the first sample; and the rms `residual` in V away from jumps."""
 
     shape: Drive
     begin: float
@@ -192,12 +205,13 @@ class _Fitted(NamedTuple):
 
     def refined(self, since: Array, volts: Array, fixed: tuple[str, ...] = ()) -> _Fitted:
         """Return the waveform whose parameters fit the samples away from jumps by least squares
-        (Gauss-Newton); parameters named in `fixed` keep their values.
+        (Gauss-Newton).
 
         Args:
             since: times since the first sample, s.
             volts: samples of the channel, V.
-            fixed: names such as "frequency".
+            fixed: names of parameters that keep their values: "amplitude", "offset" and "frequency" are
+                possible.
         """
         best = self.judged(since, volts)
         for _ in range(_STEPS):
@@ -213,8 +227,9 @@ class _Fitted(NamedTuple):
         return best
 
     def slopes(self, since: Array) -> tuple[NDArray[np.bool_], dict[str, Array]]:
-        """Return a mask [n] of the samples away from jumps, and the derivatives [n] of the waveform by
-        amplitude, offset, start and frequency, by name."""
+        """Return a mask [n] of the samples away from jumps at the times `since` [s], and the derivatives [n]
+        of the waveform by its parameters: a dictionary with the keys amplitude, offset, begin (the start)
+        and, unless it is a step, frequency."""
         own, after = self.at(since), np.maximum(since - self.begin, 0.0)
         slope = np.where(since >= self.begin, self.shape.slope(after), 0.0)
         columns = {
@@ -234,7 +249,8 @@ class _Fitted(NamedTuple):
         return self._replace(begin=begin, shape=self.shape._replace(**values))
 
     def at(self, since: Array) -> Array:
-        """Return the voltages of the waveform, V, at times since the first sample of the recording, s."""
+        """Return the voltages [n] of the waveform, V, at times `since` [s] after the first sample of the
+        recording; before its start, the offset."""
         value = self.shape.value(np.maximum(since - self.begin, 0.0))
         return np.where(since >= self.begin, value, self.shape.offset)
 
@@ -243,13 +259,14 @@ class _Fitted(NamedTuple):
         return self._replace(residual=float(np.sqrt(np.mean(off**2))) if off.size else np.inf)
 
     def off(self, since: Array, volts: Array) -> Array:
-        """Return the absolute differences between channel and waveform, V, of the samples away from jumps."""
+        """Return the absolute differences between channel and waveform, V, of only those samples that are
+        away from the waveform's jumps."""
         own = self.at(since)
         return np.abs(volts - own)[off_jumps(own)]
 
     def is_shown(self, since: Array, volts: Array) -> bool:
-        """Return True if a channel (times since its first sample [s], voltages [V]) follows this waveform,
-        within its noise or about 1 % of its range."""
+        """Return True if a channel (times since its first sample [s], voltages [V]) follows this waveform
+        away from jumps, within twice its white noise or about 1 % of its range."""
         span, off = float(np.ptp(volts)), self.off(since, volts)
         if off.size <= 0.8 * volts.size:
             return False
@@ -259,8 +276,8 @@ class _Fitted(NamedTuple):
         return bool(near and left < max(_NEAR * span, 2.0 * noise_level(volts)))
 
     def rounded(self, since: Array, volts: Array) -> _Fitted:
-        """Return the waveform with the roundest numbers for frequency, offset and amplitude that fits the
-        samples (times since the first one [s], voltages [V]) as well."""
+        """Return the waveform with the roundest numbers for frequency, offset and amplitude with which the
+        residual hardly increases; the arguments are times since the first sample [s] and voltages [V]."""
         most = (1.0 + max(_AS_GOOD, _CHANCE / since.size)) * self.residual + _EXACT * float(np.ptp(volts))
         best, fixed = self, ()
         for name in ("frequency", "offset", "amplitude"):
@@ -280,8 +297,8 @@ class _Fitted(NamedTuple):
         return of(_roundest(value, within, lambda one: of(one).residual <= most))
 
     def shown(self, start: float) -> RecognisedDrive:
-        """Return the recognised waveform with its start in the time of a recording whose first sample is at
-        `start` [s]."""
+        """Return the waveform as a `RecognisedDrive`, with its start in the time of a recording whose first
+        sample is at `start` [s]."""
         return RecognisedDrive(start + self.begin, self.shape, self.residual)
 
 
@@ -290,8 +307,8 @@ def _residual(one: _Fitted) -> float:
 
 
 def _roundest(value: float, within: float, fits: Callable[[float], bool]) -> float:
-    """Return the roundest number (fewest digits) that differs from `value` by at most `within` and for which
-    the function `fits` returns True; `value` itself if there is none."""
+    """Return the roundest number (0, then the fewest digits) that differs from `value` by at most `within`
+    and for which the function `fits` returns True; `value` itself if there is none."""
     roundings = (0.0, *(float(f"{value:.{digits}g}") for digits in (1, 2, 3, 4, 5)))
     near = (one for one in roundings if abs(one - value) <= within)
     return next((one for one in near if fits(one)), value)

@@ -1,4 +1,5 @@
-"""Saving of recordings as NetCDF files, so that an interrupted write leaves the old file; and opening."""
+"""Saving of recordings as NetCDF files, so that an interrupted write leaves the old file, and opening of such
+files."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
-    """Write a recording to a ``.nc`` file (NetCDF 4) and return the path.
+    """Write a recording to a ``.nc`` file (NetCDF 4) and return the absolute path.
 
     The data are first written to a new file beside the target, which then takes the target's name: at every
     moment the name refers to a complete recording, the old one or the new one.
@@ -33,7 +34,8 @@ def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     stored.attrs = storable_attributes(with_schema(recording.attrs))
     for name in stored.variables:
         stored[name].attrs = storable_attributes(recording[name].attrs, f"{name}.")
-        stored[name].encoding = {"_FillValue": None}  # a recording has no missing values
+        # A recording has no missing values, so no value marks them.
+        stored[name].encoding = {"_FillValue": None}
     # The file is made in memory first, because on a full disk HDF5 crashes the process when it closes a file.
     content = stored.to_netcdf(None, engine="h5netcdf")
     with replaced_whole(target) as temporary:
@@ -55,7 +57,7 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
         recording = _stored(path)
     except GateError as error:
         raise RecordingError(f"{error}") from error
-    # xarray raises ValueError or TypeError for inconsistent axes, and a disk raises OSError.
+    # xarray raises ValueError or TypeError for inconsistent axes; a disk raises OSError.
     except (ValueError, TypeError, OSError) as error:
         said = " ".join(str(error).split())
         raise RecordingError(f"{path}: not a readable NetCDF 4 file (damaged?): {said}") from error
@@ -68,9 +70,9 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def _stored(path: Path) -> xr.Dataset:
-    """Return the content of a NetCDF or NeXus file as a Dataset, unchecked. It is not read by xarray, which
-    takes several times as long."""
-    # Imported here, so that simulations, which do not need HDF5, start faster.
+    """Return the content of a NetCDF or NeXus file as a Dataset without checks of the schema. The function
+    does not use xarray's reader, which takes several times as long."""
+    # The imports are here, so that simulations, which do not need HDF5, start faster.
     import xarray as xr
 
     from ..gate.hdf5 import has_attribute

@@ -30,22 +30,23 @@ CHANNEL = "drive_voltage"
 # A waveform in the recording's attribute (NAMED) was commanded, and voltage monitors are calibrated to 1 or
 # 2 %; a waveform recognised in the channel (RECOGNISED) has the channel's own scale.
 NAMED, RECOGNISED = 0.02, 0.005
-# Largest rms difference between a waveform and the channel, in units of the channel's white noise, that is
-# allowed in any case.
+# Largest rms difference between a waveform and the channel, in standard deviations of the channel's white
+# noise, that is always allowed.
 NOISY = 2.0
 
 Array = NDArray[np.float64]
 
 
 class TakenDrive(NamedTuple):
-    """The drive of a recording, and how well it agrees with the channel drive_voltage.
+    """The drive of a recording, and how well a waveform agrees with the channel drive_voltage.
 
     Attributes:
         waveform: waveform in time since its start; None: no waveform is known.
         begin: start of the waveform in the time of the recording, s.
-        named: True: the waveform is in the recording's attribute "drive"; False: it was recognised.
+        named: True: the waveform is in the recording's attribute "drive"; False: it was recognised in the
+            channel.
         residual: rms difference between waveform and channel away from jumps, V; NaN without a waveform.
-        noise: rms white noise of the channel, V.
+        noise: standard deviation of the channel's white noise, V.
         whole: True: the waveform explains the channel and is the drive. False: the samples are the drive, and
             the waveform only gives the period.
     """
@@ -59,7 +60,8 @@ class TakenDrive(NamedTuple):
 
     def since(self, recording: xr.Dataset) -> Waveform | None:
         """Return the waveform in time since the first sample of the recording, with rest before its start;
-        None if unknown."""
+        None if no waveform is known. A waveform that starts with or before the recording is returned
+        unchanged."""
         if self.waveform is None:
             return None
         time = recording["time"].values
@@ -94,12 +96,12 @@ def from_zero(recording: xr.Dataset) -> xr.Dataset:
 
 
 def taken_drive(recording: xr.Dataset, slew_rate: float | None = None) -> TakenDrive | None:
-    """Return the drive of a recording and its origin; None without a channel drive_voltage, or if this is
-    constant, not finite or shorter than three samples.
+    """Return the drive of a recording and its origin, as a `TakenDrive`. The result is None without a channel
+    drive_voltage, or if this is constant, not finite or shorter than three samples.
 
     Args:
         recording: dataset with the channel drive_voltage [V].
-        slew_rate: rate at which the amplifier follows jumps, V/s; None: instantly.
+        slew_rate: rate at which the amplifier follows jumps, V/s; None: the amplifier follows instantly.
     """
     if CHANNEL not in recording or recording.sizes["time"] < 3:
         return None
@@ -135,15 +137,16 @@ def said_waveform(waveform: Any) -> str:
 def _judged(
     waveform: Any, begin: float, named: bool, time: Array, u: Array, noise: float, slew_rate: float | None
 ) -> TakenDrive:
-    """Compare a waveform with the channel and return it as a drive.
+    """Compare a waveform with the channel and return it as a `TakenDrive`. With a slew rate, the start is
+    determined again.
 
     Args:
         waveform: waveform in time since its start.
         begin: start in the time of the recording, s.
         named: True if the recording's attribute contains the waveform.
         time, u: sample times [s] and voltages [V] of the channel.
-        noise: rms white noise of the channel, V.
-        slew_rate: rate at which the amplifier follows jumps, V/s; None: instantly.
+        noise: standard deviation of the channel's white noise, V.
+        slew_rate: rate at which the amplifier follows jumps, V/s; None: the amplifier follows instantly.
     """
     driven, span = waveform, float(np.ptp(u))
     if slew_rate is not None:
@@ -151,7 +154,8 @@ def _judged(
         begin = float(time[0]) + best_begin(time - time[0], u, driven)[0]
     own = evaluate(driven.drive(max(float(time[-1]) - begin, 1e-12)), time - begin)[0]
     near = off_jumps(own)
-    if slew_rate is not None:  # leave out flanks, where a time error below one sample changes many volts
+    # Leave out the flanks, where a time error below one sample changes the voltage by many volts.
+    if slew_rate is not None:
         slow = np.abs(np.gradient(own, time)) < 0.5 * slew_rate
         near = near & slow if np.mean(slow) > 0.5 else near
     left = (u - own)[near]

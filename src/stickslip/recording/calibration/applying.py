@@ -29,21 +29,22 @@ if TYPE_CHECKING:
 
 Part = Calibration | str | os.PathLike[str]
 Chain = Part | Sequence[Part]
-# Excess of readings beyond the range of a calibration, relative to the range, up to which there is no
-# warning, because noise may cause it.
+# Share of a calibration's range by which readings may exceed this range without a warning, because noise may
+# cause it.
 BEYOND = 0.05
 
 
 def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
-    """Return one or several calibrations as a tuple, in the order of application, after a check of their
-    units.
+    """Return one or several calibrations as a tuple, in the order of application, after a check that their
+    units fit.
 
     Args:
-        chain: a calibration or a sequence of them; a name or path is loaded.
+        chain: a calibration (object, name of one in the package, or path of a JSON file), or a sequence of
+            them.
         unit: SI unit of the uncalibrated values.
 
     Raises:
-        CalibrationError: a calibration cannot be loaded, or its input has another unit than the previous
+        CalibrationError: there is none, one cannot be loaded, or its input has another unit than the previous
             output.
     """
     parts = (chain,) if isinstance(chain, Calibration | str | os.PathLike) else tuple(chain)
@@ -63,23 +64,25 @@ def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
 def apply_calibration(
     recording: xr.Dataset, calibrations: Mapping[str, Chain], rename: Mapping[str, str] | None = None
 ) -> xr.Dataset:
-    """Return the recording with some of its variables calibrated; its attributes name the calibrations.
+    """Return a copy of the recording with some of its variables calibrated; the attribute "calibration"
+    contains the applied calibrations.
 
     Args:
         recording: dataset over "time".
         calibrations: calibration of each variable by name (an object, a name, a file, or a sequence of them):
             ``{"sensor": ["kang2007-inductive-5", "kang2007-recalibration"]}``.
-        rename: new name of calibrated variables by name. A variable with the standard name of a position
-            cannot be in V, so ``{"sensor": "end_effector_position"}`` gives this name to the calibrated
-            variable in m.
+        rename: new names of calibrated variables by their old names. A variable with the standard name of a
+            position cannot be in V, so ``{"sensor": "end_effector_position"}`` gives this name to the
+            calibrated variable in m.
 
     Raises:
-        CalibrationError: a calibration cannot be loaded, or does not fit the variable's unit or new name.
-        RecordingError: the recording has no such variable.
+        CalibrationError: a calibration cannot be loaded, or does not fit the variable's unit or new name; or
+            a variable is renamed but not calibrated.
+        RecordingError: the recording has no such variable, or the result breaks the schema.
 
     Warns:
-        RecordingWarning: a variable leaves the range of a calibration, outside which the polynomial is not
-            valid.
+        RecordingWarning: a variable exceeds the range of a calibration by over 5 % of this range; the
+            polynomial is not valid there.
     """
     made, applied = recording.copy(), dict[str, list[str]]()
     for name, chain in calibrations.items():
@@ -113,11 +116,12 @@ def apply_calibration(
 
 
 def scale_attribute(chain: Sequence[Calibration], before: float = 0.0) -> dict[str, float]:
-    """Return the attribute `scale_uncertainty` of a variable after calibrations, as a dictionary: the root
-    sum of squares of their relative standard uncertainties and of `before`.
+    """Return the attribute of a calibrated variable that states the uncertainty of its scale:
+    ``{"scale_uncertainty": u}`` with the root sum of squares u of the calibrations' relative standard
+    uncertainties and of `before`.
 
     The dictionary is empty without calibrations, or if the uncertainty of one is unknown. `before` is the
-    uncertainty of the uncalibrated variable's scale.
+    relative uncertainty of the uncalibrated variable's scale.
     """
     known = [one.scale_uncertainty for one in chain if one.scale_uncertainty is not None]
     return {SCALE_UNCERTAINTY: math.hypot(before, *known)} if chain and len(known) == len(chain) else {}
@@ -138,17 +142,17 @@ def _warn_beyond(name: str, calibration: Calibration, values: NDArray[np.float64
 
 
 def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = "") -> str:
-    """Return the attribute "calibration" of a recording: JSON text with a list of calibrations for each
-    variable, "" without any.
+    """Return the attribute "calibration" of a recording: JSON text of a dictionary with the list of
+    calibrations of each variable; "" if there are none.
 
     Args:
-        applied: JSON texts of the new calibrations by variable.
-        before: attribute of the recording before; its calibrations come first, and free text is kept under
-            "notes".
+        applied: JSON texts of the new calibrations, by the variable's name.
+        before: the attribute of the uncalibrated recording. Its calibrations come first; a text that is not
+            JSON is kept under "notes".
     """
     known = json_attribute({"calibration": before}, "calibration")
     if before and not known:
-        known["notes"] = before  # an attribute that is not JSON is free text
+        known["notes"] = before  # The previous attribute is free text, not JSON.
     for name, texts in applied.items():
         if not texts:
             continue

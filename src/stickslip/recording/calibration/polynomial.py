@@ -27,8 +27,10 @@ class Calibration:
     both in SI.
 
     Attributes:
+        name: name of the calibration.
         coefficients: c_k, lowest power first, in y_unit/x_unit^k, shape (order + 1,).
-        low, high: range of x for which the calibration was made.
+        x_unit, y_unit: SI units of x and y.
+        low, high: range of x for which the calibration was made, in x_unit.
         source: origin of the calibration, as text.
         max_error, rms_error: largest and rms error of the single readings, in y_unit.
         residual_deviation: standard deviation of the residuals of the fitted mean readings, in y_unit.
@@ -87,7 +89,8 @@ class Calibration:
         if self.covariance is None or not self.degrees_of_freedom or self.residual_deviation is None:
             raise CalibrationError(f"the calibration {self.name!r} says nothing of its uncertainty")
         x = array_si(x, self.x_unit, "x")
-        # Powers of x differ by many decades, so x is divided by its largest value to limit rounding errors.
+        # Powers of x differ by many decades, so x is divided by its largest magnitude to limit rounding
+        # errors.
         scale = max(abs(self.low), abs(self.high), 1e-300)
         units = scale ** np.arange(self.order + 1.0)
         powers = np.power.outer(x / scale, np.arange(self.order + 1))
@@ -117,7 +120,8 @@ class Calibration:
                 f"{self.y_unit}; {y.min():.6g} to {y.max():.6g} {self.y_unit} is asked for"
             )
         x = np.interp(y, values, grid)
-        for _ in range(3):  # Newton's method refines the interpolated readings to full precision
+        # Newton's method refines the interpolated readings to full precision.
+        for _ in range(3):
             x = x - (self(x) - y) / self.slope(x)
         return x
 
@@ -132,20 +136,21 @@ def fit_calibration(
     y_unit: str = "m",
     source: str = "",
 ) -> Calibration:
-    """Fit a polynomial to a calibration table by least squares.
+    """Fit a polynomial to a calibration table by least squares, and return the `Calibration`. With no more
+    points than coefficients, its uncertainties are None.
 
     Args:
         x: readings of the sensor, SI, shape (n,); or (n, r) for r readings at each point, whose means are
             fitted.
         y: true values, SI, shape (n,).
-        order: order of the polynomial.
+        order: order of the polynomial, 1 to 20.
         name, source: name of the calibration, and origin of the table.
         x_unit, y_unit: SI units of readings and true values.
 
     Raises:
         QuantityError: values have another unit.
-        CalibrationError: the shapes do not match, values are not finite numbers, or there are too few points
-            for the order.
+        CalibrationError: the shapes do not match, values are not finite numbers, the order is out of range,
+            or there are too few different points for the order.
     """
     readings, y = _checked(array_si(x, x_unit, "x"), array_si(y, y_unit, "y"))
     means = readings.mean(axis=1)
@@ -182,8 +187,8 @@ def fit_calibration(
 
 
 def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, high: float) -> float:
-    """Return the relative standard uncertainty of the slope of a polynomial, root mean square over the range
-    from `low` to `high`."""
+    """Return the relative standard uncertainty of the slope of a polynomial (coefficients, lowest power
+    first, and their covariance): root mean square over the range from `low` to `high`."""
     x, powers = np.linspace(low, high, 201), np.arange(1, len(coefficients))
     # x is divided by its largest value as in `prediction_band`, because powers of x differ by decades.
     scale = max(abs(low), abs(high), 1e-300)
@@ -197,18 +202,18 @@ def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, 
 
 
 def cross_validation(x: ArrayLike, y: ArrayLike, orders: Sequence[int] = range(1, 8)) -> dict[int, float]:
-    """Return the rms prediction error at points that are left out one at a time, in the unit of y, by the
-    order of the polynomial.
+    """Return the rms prediction error at points that are left out one at a time, in the unit of y, as a
+    dictionary by the order of the polynomial.
 
     Choose the order with the smallest error: higher ones follow the noise of the points. Orders with too few
-    points are left out.
+    points are not in the result.
 
     Args:
         x, y: as for `fit_calibration`.
         orders: orders to compare.
 
     Raises:
-        CalibrationError: as `fit_calibration`, or no order is possible.
+        CalibrationError: the shapes do not match, values are not finite numbers, or no order is possible.
     """
     readings, y = _checked(x, y)
     means = readings.mean(axis=1)

@@ -23,7 +23,7 @@ _NEEDED = {"name", "coefficients", "x_unit", "y_unit", "low", "high"}
 
 
 def available_calibrations() -> tuple[str, ...]:
-    """Return the names of the calibrations that come with the package."""
+    """Return the names of the calibrations that come with the package, in alphabetical order."""
     return tuple(sorted(file.stem for file in _SETS.glob("*.json")))
 
 
@@ -67,7 +67,8 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 
 
 def to_text(calibration: Calibration, indent: int | None = None) -> str:
-    """Return the calibration as JSON text."""
+    """Return the calibration as JSON text, with line breaks and this indent (number of blanks) unless
+    `indent` is None."""
     content = {"kind": _KIND, **asdict(calibration)}
     return json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
 

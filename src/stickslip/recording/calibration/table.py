@@ -1,5 +1,5 @@
-"""Reading of calibration tables: CSV files with the true value in the first column and sensor readings in the
-others."""
+"""Reading of calibration tables from CSV files, with the true value in the first column and sensor readings
+in the others."""
 
 from __future__ import annotations
 
@@ -20,13 +20,17 @@ from ..conversion import to_si_unit
 from .polynomial import CalibrationError
 
 _TABLES = Path(__file__).parent / "tables"
-MOST_TABLE_BYTES = 10_000_000  # largest size of a table in bytes: 300,000 lines of three numbers
+# Largest size of a table in bytes, enough for 300,000 lines of three numbers.
+MOST_TABLE_BYTES = 10_000_000
 _HEADER = re.compile(r"\s*(?P<name>[^\[\](]*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*")
 
 
 class CalibrationTable(NamedTuple):
-    """A calibration table in SI: readings `x` of the sensor, shape (n, readings per point), and true values
-    `y`, shape (n,); `source` contains the notes of the file or else its name."""
+    """A calibration table in SI.
+
+    Fields: `name`; readings `x` of the sensor in `x_unit`, shape (n, readings per point); true values `y` in
+    `y_unit`, shape (n,); and `source`, the notes of the file or else its name.
+    """
 
     name: str
     x: NDArray[np.float64]
@@ -37,7 +41,7 @@ class CalibrationTable(NamedTuple):
 
 
 def available_tables() -> tuple[str, ...]:
-    """Return the names of the tables that come with the package."""
+    """Return the names of the calibration tables that come with the package, in alphabetical order."""
     return tuple(sorted(file.stem for file in _TABLES.glob("*.csv")))
 
 
