@@ -1,4 +1,4 @@
-"""The one folder that the panel reads and writes: nothing outside it can be named, reached or shown."""
+"""The panel's folder, the only one that it reads and writes: no request can name a file outside it."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from ..history.walking import MOST_LEVELS
 from .sharing import Shared
 
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
-STORE = "zarr.json"  # a folder with this file is a study's store
-_LONGEST_MESSAGE = 1500  # characters, about ten lines of a page
-# ns: some file systems count modification times in steps of 2 s. A folder that changed within this time is
-# listed again, because a second change may not show.
+STORE = "zarr.json"  # file that marks a folder as the store of a study
+_LONGEST_MESSAGE = 1500  # largest length of a message for a page, characters: about ten lines
+# Age of a folder's last change from which its list is kept, ns. Some file systems count modification times in
+# steps of 2 s, so a second change within this time may not show.
 _SETTLED = 2e9
 
 
 class FolderError(ValueError):
-    """Name that is not a valid file name in the panel's folder."""
+    """Refusal of a name that is not the name of a file that the panel may use, or of a missing file."""
 
 
 class File(NamedTuple):
-    """A file of the folder: name, time of its last change (s since 1970), size (bytes)."""
+    """A file of the folder: name relative to the folder, time of its last change (s since 1970), size
+    (bytes)."""
 
     name: str
     changed: float
@@ -37,28 +38,29 @@ class File(NamedTuple):
 
 
 class _Content(NamedTuple):
-    """Content of a folder, and its modification time [ns] when it was read."""
+    """Content of a folder: names of its folders and files. `changed` is its modification time [ns] when it
+    was listed."""
 
     changed: int
     folders: list[str]
-    files: list[tuple[str, bool]]  # names, and whether they are links
+    files: list[tuple[str, bool]]  # names, and True for a link
 
 
 class Folder:
-    """A folder and its files, named by their relative path with slashes."""
+    """The panel's folder. Its files are named by their path relative to it, with slashes."""
 
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
-        self._known: dict[str, _Content] = {}  # content of folders that have not changed lately
+        self._known: dict[str, _Content] = {}  # content of folders that did not change lately, by name
         self._shared = Shared()
 
     def path(self, name: str) -> Path:
-        """Return the path of a named file, existing or not.
+        """Return the path of a named file of the folder, existing or not.
 
         Raises:
-            FolderError: the name leads out of the folder, by dots or by a link; it is not a plain name; it
-                names a pipe, socket or device, which may block whoever opens it; or the file would not be
-                listed, because it lies in a study's store or too deep.
+            FolderError: the name is not a relative path of visible names; it leads out of the folder by dots
+                or a link; it is the name of a pipe, socket or device, which could block whoever opens it; or
+                it lies in the store of a study, or more than `MOST_LEVELS` folders deep.
         """
         try:
             found = inside(self.root, name, "the panel's folder")
@@ -73,13 +75,17 @@ class Folder:
         return found
 
     def name(self, path: Path) -> str:
-        """Return the name of a file in the folder: its path relative to the folder, with slashes."""
+        """Return the name of a file in the folder, the reverse of `path`.
+
+        Raises ValueError for a file outside the folder.
+        """
         return path.resolve().relative_to(self.root).as_posix()
 
     def files(self, *suffixes: str) -> list[File]:
-        """Return all files with these endings, the newest first.
+        """Return all files of the folder whose names end with one of `suffixes` (".nc"), the newest first.
 
-        Links that lead out of the folder and files whose names `path` refuses are left out.
+        Hidden files and links that lead out of the folder are left out. Only zarr.json is listed of a study's
+        store.
         """
         return [*self._shared(suffixes, lambda: self._files(suffixes))]
 
@@ -89,7 +95,7 @@ class Folder:
             path = f"{self.root}/{name}"
             wanted = os.path.splitext(name)[1] in suffixes and len(name) <= LONGEST_NAME
             if wanted and not (link and self._leads_out(path)):
-                with suppress(OSError):  # the file was just deleted, or is a link to itself
+                with suppress(OSError):  # the file was deleted in the meantime, or is a link to itself
                     status = os.stat(path)
                     if stat.S_ISREG(status.st_mode):
                         found.append(File(name, status.st_mtime, status.st_size))
@@ -99,13 +105,17 @@ class Folder:
         return not Path(os.path.realpath(path)).is_relative_to(self.root)
 
     def _walk(self, inside: str) -> Iterator[tuple[str, bool]]:
-        """Yield the name of each file below a folder ("" or a path that ends with a slash), and True for a
-        link."""
-        if len(inside) > LONGEST_NAME:  # `path` refuses all names below this folder
+        """Yield pairs of the name of each file below a folder, and True if the file is a link.
+
+        `inside` is the folder: "" or a name that ends with a slash.
+        """
+        # `path` refuses all names of files below this folder.
+        if len(inside) > LONGEST_NAME:
             return
         with suppress(OSError):
             content = self._content(inside)
-            if inside and (STORE, False) in content.files:  # its chunks are not the user's files
+            # The files of a study's store are not the user's files.
+            if inside and (STORE, False) in content.files:
                 yield inside + STORE, False
                 return
             for name, link in content.files:
@@ -114,9 +124,10 @@ class Folder:
                 yield from self._walk(f"{inside}{name}/")
 
     def _content(self, inside: str) -> _Content:
-        """Return the content of the subfolder `inside` ("" for the folder itself).
+        """Return the content of the subfolder `inside`, "" for the panel's folder itself.
 
-        It is listed again only if it has changed: many pages ask for lists of hundreds of runs.
+        The folder is listed again only if it has changed, because many pages ask for lists of hundreds of
+        runs.
         """
         path, now = f"{self.root}/{inside}", time.time_ns()
         changed = os.stat(path).st_mtime_ns
@@ -133,11 +144,12 @@ class Folder:
         return content
 
     def told(self, text: str) -> str:
-        """Return a message for a page without this machine's paths: they become relative to the folder.
+        """Return a message for a page, without this machine's paths.
 
-        Of paths elsewhere only the file's name stays. The middle of a very long message is left out.
+        Paths in the panel's folder become relative to it; of other paths only the file's name stays. The
+        middle of a message above `_LONGEST_MESSAGE` characters is left out.
         """
         text = text.replace(f"{self.root}{os.sep}", "").replace(str(self.root), "the panel's folder")
-        if len(text) > _LONGEST_MESSAGE:  # it may quote names and values as long as a file
+        if len(text) > _LONGEST_MESSAGE:  # may quote a value as long as a file
             text = f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
         return _ABSOLUTE.sub(r"\1", text)

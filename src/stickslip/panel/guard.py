@@ -22,11 +22,13 @@ Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "[::1]"})
-LARGEST_BODY = 32 * 2**20  # bytes of a request; the largest are uploaded recordings
-PENALTY = 1.0  # s of delay of the answer to a wrong token
-MOST_WRONG = 5  # wrong tokens that may wait at a time from one address; further ones are refused at once
+LARGEST_BODY = 32 * 2**20  # largest size of a request, bytes; uploaded recordings are the largest requests
+PENALTY = 1.0  # delay of the answer to a wrong token, s
+# Largest number of wrong tokens from one address that wait for their answer. Further ones are refused at
+# once.
+MOST_WRONG = 5
 _COOKIE = "stickslip_panel"
-# The page's own files only: no inline script or style, no eval, no other host.
+# The browser may load files of this server only: no inline script or style, no eval, no other host.
 _HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -41,13 +43,19 @@ _HEADERS = {
 class Guard:
     """ASGI middleware that checks every request before the application sees it.
 
+    It refuses a wrong host (status 421), a page of another origin or a role that is too low (403), and a
+    missing or wrong token (401, or 429 after too many). A request that is too large is refused with 413.
+    Answers get security headers.
+
     Args:
         app: the guarded application.
         hosts: names that the Host header may have. A foreign DNS name that points to this machine is refused.
-        any_address: also accept any numeric address, for a panel that is served to a network with a token.
-        tokens: the role of each token (see `roles`). A client sends one as a bearer, as a cookie, or once as
-            ``/?token=``. Without tokens every client has the role "maintain".
-        largest_body: bytes of a request.
+        any_address: True to accept also any numeric address, for a panel that is served to a network with a
+            token.
+        tokens: role of each token (see `roles`). A client sends its token in the header "Authorization:
+            Bearer", as a cookie, or once as ``/?token=``, which sets the cookie. Without tokens every client
+            has the role "maintain".
+        largest_body: largest size of a request, bytes.
     """
 
     def __init__(
@@ -60,10 +68,11 @@ class Guard:
     ) -> None:
         self._app, self._hosts, self._any_address = app, hosts, any_address
         self._tokens, self._largest = dict(tokens or {}), largest_body
-        self._wrong: Counter[str] = Counter()  # wrong tokens that wait for their answer, by address
+        self._wrong: Counter[str] = Counter()  # number of wrong tokens that wait for their answer, by address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        with nothing_run():  # requests run no file that was not named when the panel started
+        # A request runs no user's Python file that was not named when the panel started.
+        with nothing_run():
             await self._guarded(scope, receive, send)
 
     async def _guarded(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -133,9 +142,12 @@ class Guard:
         return f"a request may have up to {self._largest / 2**20:.3g} MiB"
 
     def _refused(self, scope: Scope, headers: dict[str, str], role: str) -> tuple[int, str] | None:
-        """Return HTTP status and reason if the request must be refused, else None.
+        """Return HTTP status and reason of a refusal; None if the request may pass.
 
-        `role` is the token's, "" without a valid token.
+        Args:
+            scope: ASGI scope of the request.
+            headers: headers of the request, with names in lower case.
+            role: role of the token, "" without a valid token.
         """
         host = headers.get("host", "").lower()
         if not self._known(host):
@@ -144,8 +156,8 @@ class Guard:
         if origin is not None and origin.lower() not in (f"http://{host}", f"https://{host}"):
             return 403, "a page of another origin may not use this panel"
         if not role:
-            # A valid token never waits, however many wrong ones come from its address, for example through a
-            # tunnel.
+            # A valid token never waits for wrong ones from the same address, which many users may share
+            # (tunnel).
             if self._wrong.get((scope.get("client") or ("",))[0], 0) >= MOST_WRONG:
                 return 429, "too many wrong tokens: wait a moment"
             return 401, "the panel needs its token: open the address that the command printed"
@@ -170,7 +182,10 @@ class Guard:
         return True
 
     def _shown(self, scope: Scope, headers: dict[str, str]) -> str:
-        """Return the valid token of a request, "" without one; compared in constant time."""
+        """Return the valid token that a request sends, "" for none.
+
+        Tokens are compared in constant time, so that the delay of the answer does not help to guess a token.
+        """
         offered, found = _offered(scope, headers), ""
         for token in self._tokens:
             if any(hmac.compare_digest(one.encode(), token.encode()) for one in offered):
@@ -179,9 +194,9 @@ class Guard:
 
 
 def _offered(scope: Scope, headers: dict[str, str]) -> list[str]:
-    """Return the tokens that a request sends: "" for an absent bearer, and no entry for an absent cookie.
+    """Return the tokens that a request sends in its header ("" for none) and in its cookie, if it has one.
 
-    A token in the page's address replaces the others, because the cookie may have another role.
+    A token in the page's address replaces both, because the cookie may be of another role.
     """
     if scope["path"] == "/" and b"token=" in scope["query_string"]:
         return parse_qs(scope["query_string"].decode("latin-1")).get("token", [])

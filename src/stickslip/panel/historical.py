@@ -31,25 +31,26 @@ from .uploading import add_uploads
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_ROWS = 500  # most runs in one list; further ones are only counted, and a search finds them
-MOST_COMPARED = 8  # most recordings drawn over each other
-_LEFT_OUT = ("settings", "channels", "bytes")  # fields of a run that the list does not contain
+MOST_ROWS = 500  # largest number of runs in a list; the page also gets the number of all, and can search
+MOST_COMPARED = 8  # largest number of recordings drawn over each other
+_LEFT_OUT = ("settings", "channels", "bytes")  # columns of the index that a list of runs leaves out
 
 
 class NamedRun(Strict):
-    """Request that names a run, or a file of the bin (folder for deleted files)."""
+    """Request that names a run (recording, fit or other result), or a file in the folder for deleted
+    files."""
 
     name: str = Field(max_length=400)
 
 
 class Names(Strict):
-    """Request that names several runs."""
+    """Request that names several runs of the history."""
 
     names: list[str] = Field(min_length=1, max_length=200)
 
 
 class Annotation(Strict):
-    """Request to change notes or tags of a run."""
+    """Request to change notes or tags of a run; None keeps them."""
 
     name: str
     notes: str | None = Field(default=None, max_length=20_000)
@@ -57,9 +58,10 @@ class Annotation(Strict):
 
 
 class Overlay(Strict):
-    """Request for one channel of several recordings over a common time axis, reduced for the screen.
+    """Request for the curves of one channel of several recordings over a common time axis.
 
-    `begin` and `end` [s] limit the time (None: all), and `points` is the number of points to draw.
+    The axis has its zero at an event that the recordings share, see `common_zeros`. `begin` and `end` [s]
+    limit it (None: no limit). `points` is the wished number of points of each curve.
     """
 
     names: list[str] = Field(min_length=2, max_length=MOST_COMPARED)
@@ -72,16 +74,16 @@ class Overlay(Strict):
 def history_routes(
     folder: Folder, hub: Hub, control: Control, read: Reader, logs: Callable[[], dict[str, Path]]
 ) -> APIRouter:
-    """Return the routes of the History page.
+    """Return the router with the routes of the History page, below "/history".
 
-    All pages share one index (a database of the folder's runs); a damaged file is read only once.
+    All pages share one index (a database of the folder's runs), and one cache of opened recordings.
 
     Args:
         folder: the panel's folder.
         hub: sends changes to the pages.
-        control: which page may delete.
+        control: which page controls the rig; only this page may delete and restore.
         read: reads recordings in a process of its own.
-        logs: takes nothing; returns the folders of the logs to show, by name.
+        logs: takes nothing; returns the folders whose logs are shown, by the name of the log: "panel", "rig".
     """
     routes = APIRouter(prefix="/history")
     shelf = Shelf(folder, read)
@@ -151,7 +153,10 @@ def history_routes(
 
     @routes.get("/log")
     def log(search: str = "") -> dict[str, Any]:
-        """Return the newest lines of the panel's log and of the log of the rig on the bench."""
+        """Return the newest `MOST_ROWS` lines of the panel's log and of the rig's log, the newest first.
+
+        `search` are words that a line must contain. "rows" lists the lines; "of" of a line names its log.
+        """
         found = [
             {**one._asdict(), "of": of}
             for of, path in logs().items()
@@ -165,7 +170,7 @@ def history_routes(
 
 
 def _add_bin(routes: APIRouter, folder: Folder, hub: Hub, control: Control, read: Reader) -> None:
-    """Add the routes that move runs to the bin and back."""
+    """Add the routes that move runs to the folder for deleted files, list this folder, and restore them."""
 
     @routes.post("/delete")
     def delete(asked: Names, request: Request) -> dict[str, int]:
@@ -194,7 +199,7 @@ def _add_bin(routes: APIRouter, folder: Folder, hub: Hub, control: Control, read
 
 
 def _parsed(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a run of the index with its columns "links" and "settings" parsed from JSON."""
+    """Return a row of the index with its columns "links" and "settings" as mappings instead of JSON text."""
     return row | {name: json.loads(row[name] or "{}") for name in ("links", "settings") if name in row}
 
 
@@ -207,7 +212,7 @@ def _chosen(found: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any
 
 
 def _from(recording: xr.Dataset, zero: float) -> xr.Dataset:
-    """Shift a recording's time so that `zero` becomes 0."""
+    """Return a recording with its times shifted so that the time `zero` [s] becomes 0."""
     return recording.assign_coords(time=recording["time"] - zero) if zero else recording
 
 

@@ -1,4 +1,4 @@
-"""Routes of the Identify page: recordings to choose from, the current or last fit, its report."""
+"""Routes of the Identify page: recordings that can be fitted, the current or last fit, its report."""
 
 from __future__ import annotations
 
@@ -29,22 +29,30 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
-# Content security policy of a report, which opens as a separate page: inline styles and embedded images, no
-# scripts.
+# Content security policy of a report, which opens as a page of its own: inline styles and embedded images are
+# allowed, scripts are not.
 _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
 
 
 def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) -> APIRouter:
-    """Return the web server's routes of the panel's identification page; its stream carries the progress of
-    the fit ("fit", "fit_traces")."""
+    """Return the router with the routes of the Identify page, below "/api/identify".
+
+    The progress of the fit comes by the stream, as messages "fit" (state) and "fit_traces" (curves).
+
+    Args:
+        folder: the panel's folder.
+        fitting: the current or last fit.
+        read: reads recordings in a process of its own.
+        sets: parameter sets on offer.
+    """
     routes = APIRouter(prefix="/api/identify")
 
     @lru_cache(maxsize=2000)
     def described(path: Path, changed: float) -> dict[str, Any]:
-        del changed  # only a part of the cache's key: a changed file is read again
+        del changed  # a part of the cache's key only: a changed file is read again
         try:
             return read(path, partial(_described, folder.root))
-        except ReaderBusy:  # must not be cached
+        except ReaderBusy:  # a temporary error must not be cached as an answer
             raise
         except (RecordingError, OSError) as error:
             return {"problem": str(error).removeprefix(f"{path}: ")}
@@ -53,7 +61,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
     def recordings() -> list[dict[str, Any]]:
         found = []
         for name, changed, _ in folder.files(*SUFFIXES):
-            if name.startswith(f"{PREDICTIONS}/"):  # a result of a fit: no fit is made from it
+            if name.startswith(f"{PREDICTIONS}/"):  # a fit to a prediction would return the fit that made it
                 continue
             try:
                 one = described(folder.path(name), changed)
@@ -64,7 +72,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
 
     @routes.get("/state")
     def state() -> dict[str, Any]:
-        fitting.start_process()  # the page was opened: a later fit need not wait for the process
+        fitting.start_process()  # starts now, because its imports take seconds
         return {**fitting.state, "frames": list(fitting.frames)}
 
     @routes.get("/traces/{kind}")
@@ -98,16 +106,17 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
 
 
 def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
-    """Describe a recording in the panel's folder `root`.
+    """Return the data of a recording that pages show; runs in the process that reads files.
 
-    "jumps": the drive has jumps; "bench": recorded by a rig. "problem" says why no walk can be fitted to it,
-    "" if one can.
+    Keys: "seconds", "samples", "unit" of the position, "title", "jumps" (True if the drive has jumps, as in
+    steps and walks) and "bench" (True if a rig recorded it). "problem" names the channels that a fit to walks
+    lacks, "" for none. Further keys are those of `_told_of_the_rig`. `root` is the panel's folder.
     """
     time_ = recording["time"].values
     missing = [name for name in (OBSERVED, "drive_voltage") if name not in recording]
     found = {
         "jumps": "drive_voltage" in recording and bool(edges(recording["drive_voltage"].values).any()),
-        "bench": bool(recording.attrs.get("capture")),  # recorded by a rig, not a user's own file
+        "bench": bool(recording.attrs.get("capture")),
         "seconds": float(time_[-1] - time_[0]),
         "samples": int(time_.size),
         "unit": "" if OBSERVED in missing else str(recording[OBSERVED].attrs["units"]),
@@ -119,11 +128,15 @@ def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
 
 
 def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the set-up that the attributes of a recording name.
+    """Return the actuator and amplifier that the attributes of a recording name, for the fields of a fit.
 
-    "set" (parameter set), "clamped" and "stage_reaction" of the actuator; "slew_rate" [V/s] of the virtual
-    bench's amplifier at its piezo. Empty for a user's own file. Sets and benches that the panel cannot find
-    are left out.
+    Keys: "set" (name of the parameter set), "clamped" and "stage_reaction" of the actuator, and "slew_rate"
+    [V/s] of the virtual bench's amplifier with its piezo. A key is missing if the recording does not name its
+    value, as in a user's own file, or if the panel cannot find the set or bench.
+
+    Args:
+        root: the panel's folder.
+        attrs: attributes of the recording.
     """
     actuator = str(attrs.get("actuator", ""))
     found: dict[str, Any] = {
@@ -137,7 +150,7 @@ def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
     if named and (own := _own_name(root, named[1], available_benches())):
         try:
             bench = load_bench(named[1])
-        except (ParameterSetError, OSError):  # from another version, or deleted
+        except (ParameterSetError, OSError):  # of another version, or deleted
             return found
         amplifier = bench.amplifier
         slew_rate = min(amplifier.slew_rate, amplifier.max_current / bench.piezo_capacitance)
@@ -148,8 +161,8 @@ def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
 def _own_name(root: Path, name: str, known: Container[str]) -> str | None:
     """Return the name by which the panel knows a parameter set or bench; None if it does not know it.
 
-    `name` is returned if it is among the package's `known` names. For the path of a file in the panel's
-    folder `root`, the path relative to the folder is returned.
+    `name` is returned unchanged if it is among `known`, the package's names. The path of a file in the
+    panel's folder `root` is made relative to the folder.
     """
     if name in known:
         return name

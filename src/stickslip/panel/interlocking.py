@@ -1,4 +1,8 @@
-"""The interlock of the rig on the bench: its state for the pages, and the acts that pages may request."""
+"""The interlock of the rig on the bench: its last known state for the pages, and acts that pages request.
+
+The interlock itself is in the process that owns the rig, see `rig.interlock`. It decides whether a run may
+start.
+"""
 
 from __future__ import annotations
 
@@ -27,32 +31,39 @@ from .journal import Journal
 from .roles import need_role
 from .stream import Client, Hub
 
-LOOKS = 0.5  # s between two queries of the interlock's state, which other programs may change
-_ANSWERS = 1.0  # s in which the rig's process must answer
+# Time between two updates of the state, s. Other programs can change the interlock, too.
+LOOKS = 0.5
+_ANSWERS = 1.0  # time within which the rig's process must answer, s
 
 
 class Why(Strict):
-    """Request with the reason for an act on the interlock."""
+    """Request for an act on the interlock, with the user's reason `why`, which is logged."""
 
     why: str = Field(max_length=400)
 
 
 class PermitAct(Why):
-    """Request to give or withdraw a permit (a condition of the interlock without which no run starts)."""
+    """Request to give a permit (`given` is True) or to withdraw it, with the user's reason.
+
+    A permit is a condition without which no run starts, such as "operators".
+    """
 
     name: str = Field(max_length=60)
     given: bool
 
 
 class Interlocks:
-    """Last known state of the interlock; `state` has the fields of `rig.interlock.Interlock.state`.
+    """Last known state of the interlock of the rig on the bench.
+
+    `state` has the keys of `rig.interlock.Interlock.state` and "site", the limits of the site as sentences.
+    The rig is disarmed when the connection through which the panel armed it is closed.
 
     Args:
         hub: sends every change of the state to the pages.
-        journal: logs the acts of pages.
-        document: names the rig on the bench.
-        folder: the panel's.
-        rigs: the folder of the process that owns the panel's virtual rig.
+        journal: log in which the acts of pages are written.
+        document: experiment on the bench, which names its rig.
+        folder: the panel's folder.
+        rigs: folder of the process that owns the panel's virtual rig.
     """
 
     def __init__(
@@ -60,7 +71,8 @@ class Interlocks:
     ) -> None:
         self._hub, self._journal, self._document = hub, journal, document
         self._folder, self._rigs = folder, rigs
-        self._link: Link | None = None  # the output stays enabled while this link is open
+        # Connection through which the panel arms the rig. The output stays armed only while it is open.
+        self._link: Link | None = None
         self._asking = threading.RLock()
         self._closing = threading.Event()
         self.state = {**Interlock(simulated=True).state(), "site": []}
@@ -72,15 +84,18 @@ class Interlocks:
         return isinstance(self._document.checked.file.rig, VirtualRigSpec)
 
     def need(self) -> None:
-        """Raise InterlockError if a run would be refused. The rig's process checks again at the start."""
+        """Raise InterlockError if the interlock would refuse a run now, so that a page learns this at once.
+
+        The rig's process checks again when the run starts.
+        """
         self.look()
         Interlock.of_state(self.state).need()
 
     def look(self) -> None:
-        """Ask the rig's process for the interlock's state and send changes to the pages.
+        """Update `state` with the interlock's state in the rig's process, and send a change to the pages.
 
-        If the process does not answer, the state stays as it was. If there is no process, it is read from the
-        interlock's file.
+        If the process does not answer, `state` stays as it was. If there is no process, the state of the file
+        that keeps fault and permits is taken.
         """
         with self._asking:
             place = self.place
@@ -94,10 +109,14 @@ class Interlocks:
         self._hub.tell("interlock", **found)
 
     def act(self, do: str, **what: Any) -> None:
-        """Arm or disarm the output, acknowledge a fault, or change a permit.
+        """Execute an act of the page whose request is being answered, log it, and update `state`.
 
-        `do` is "arm", "disarm", "acknowledge" or "permit"; `what` has `why`, and for a permit `name` and
-        `given`. Raises ValueError or RigError if the act is refused.
+        Args:
+            do: "arm" or "disarm" the output, "acknowledge" a fault, or "permit".
+            what: `why`, the user's reason; for "permit" also `name` of the permit and `given`, True or False.
+
+        Raises:
+            QuantityError, RigError: the act is refused, or the rig's process does not answer.
         """
         asker = asking()
         who = asker.named(self._document.checked.file.operator)
@@ -111,7 +130,8 @@ class Interlocks:
                 self._link.ask(do, who=who, **what)
             except InterlockError:
                 raise
-            except RigError:  # the rig's process was restarted
+            except RigError:
+                # The connection is lost, for example because the rig's process was restarted: try once more.
                 self.close_link()
                 self._link = Link(place, "the panel")
                 self._link.ask(do, who=who, **what)
@@ -120,20 +140,23 @@ class Interlocks:
         self.look()
 
     def disarm(self, why: str) -> None:
-        """Disable the output, in a thread: the caller does not wait."""
+        """Disarm an armed output in a thread, without waiting and without errors; `why` is the reason for the
+        log."""
         threading.Thread(target=self._disarmed, args=(why,), daemon=True).start()
 
     def watch(self) -> None:
-        """Start to query the interlock's state every `LOOKS` seconds, until `close`."""
+        """Start a thread that updates the state every `LOOKS` seconds until `close`."""
         threading.Thread(target=self._watch, daemon=True).start()
 
     def close(self) -> None:
-        """Stop the queries and close the connection; an output that was enabled through it is disabled."""
+        """End the updates, and close the connection through which the panel armed the rig, which disarms
+        it."""
         self._closing.set()
         self.close_link()
 
     def close_link(self) -> None:
-        """Close the connection through which the output was enabled."""
+        """Close the connection through which the panel armed the rig, if any; the rig's process then disarms
+        it."""
         if self._link is not None:
             self._link.close()
             self._link = None
@@ -149,7 +172,11 @@ class Interlocks:
                 self.look()
 
     def _site(self, place: Path) -> list[str]:
-        """Return the limits of the site in words, or why they cannot be read; [] for a virtual rig."""
+        """Return the limits of the site for the rig as sentences, [] for a virtual rig.
+
+        If their file cannot be read, the only sentence is the reason. `place` is the folder of the rig's
+        process.
+        """
         try:
             return [] if self.simulated else site_of(place.name).told()
         except RigError as error:
@@ -161,9 +188,9 @@ class Interlocks:
         return rigs_of(self._document.checked.file, self._rigs, self._folder.root)
 
     def _seen(self, place: Path) -> dict[str, Any] | None:
-        """Return the interlock's state from the rig's process, None if it does not answer.
+        """Return the state in the rig's process, with the keys of `Interlock.state`; None without an answer.
 
-        If no process runs, the state comes from the interlock's file.
+        If no process runs, the state is that of its file. `place` is the folder of the rig's process.
         """
         if not (place / "rig.json").exists():
             return Interlock(place / FILE).state()
@@ -184,9 +211,10 @@ _DONE = {"arm": "armed", "disarm": "disarmed", "acknowledge": "fault acknowledge
 
 
 def interlock_routes(control: Control, interlocks: Interlocks) -> APIRouter:
-    """Return the routes of the interlock.
+    """Return the router with the routes of the interlock, below "/interlock".
 
-    The page in control may arm, acknowledge and give permits; every page may disarm and withdraw permits.
+    The page in control may arm, acknowledge a fault and give permits. Every page may disarm, and withdraw
+    permits. Each answer is the new state, see `Interlocks`.
     """
     routes = APIRouter(prefix="/interlock")
 

@@ -1,4 +1,4 @@
-"""Samples of the current or last run: sent to every page as they come, and kept at full resolution."""
+"""Samples of the current or last run: sent to every page at once, and kept in memory at full resolution."""
 
 from __future__ import annotations
 
@@ -13,17 +13,20 @@ from numpy.typing import NDArray
 from .decimation import Float32, extremes, window
 from .stream import Client, Hub, Message, packed
 
-# Fewest buckets of samples into which a long run is divided; it has less than twice as many. Each gives two
-# points (minimum and maximum): few enough for a browser to draw all connecting lines.
+# Smallest number of buckets (groups of successive samples) into which a long run is divided; the number is
+# below twice this. Each gives two points, minimum and maximum: few enough for a browser to connect by lines.
 SHOWN = 1250
 
 
 class Live:
     """Samples of one run at a time; a new run replaces the previous one.
 
+    Pages receive the minimum and maximum of successive buckets of samples, or a part in more detail, see
+    `window`.
+
     Args:
-        hub: sends to the pages.
-        largest: samples of all channels together that are kept at full resolution, float32.
+        hub: sends the samples to the pages.
+        largest: largest number of samples of all channels together, which are kept as float32.
     """
 
     def __init__(self, hub: Hub, largest: int = 60_000_000) -> None:
@@ -36,7 +39,7 @@ class Live:
         self._bucket = 1
         self._rate = 1.0
         self._pre_trigger = 0.0
-        self._recorded: list[float] | None = None  # last values of the run's recording
+        self._recorded: list[float] | None = None  # last value of each channel in the run's recording
         hub.greetings.append(self._so_far)
 
     def begin(
@@ -48,16 +51,19 @@ class Live:
         before: int,
         pre_trigger: float = 0.0,
     ) -> None:
-        """Start a run.
+        """Start a run: discard the previous samples, and send the title and the channels to the pages.
 
         Args:
             title: title of the run.
-            columns: name, unit and label of each channel.
+            columns: a dictionary for each channel: "name", "unit" and "label".
             rate: sampling rate, Hz.
-            samples: number of samples of each channel.
-            before: number of samples before the drive starts; time 0 is after them.
-            pre_trigger: s of the recording before its trigger. The trigger is assumed at time 0 until
+            samples: largest number of samples of each channel; further ones are ignored.
+            before: number of samples before the drive starts, at time 0.
+            pre_trigger: time of the recording before its trigger, s. The trigger is assumed at time 0 until
                 `triggered` is called.
+
+        Raises:
+            MemoryError: there are more samples than are kept.
         """
         if samples * len(columns) > self._largest:
             raise MemoryError(f"{samples} samples of {len(columns)} channels are too many to show")
@@ -84,9 +90,9 @@ class Live:
             self._hub.send(json.dumps(self._header))
 
     def triggered(self, sample: int) -> None:
-        """Set the trigger of the recording; pages then start the time axis at the recording's first sample.
+        """Set the trigger of the run's recording; pages then count time from the recording's first sample.
 
-        `sample` is the index of the trigger's sample in the run.
+        `sample` is the index in the run of the sample at the trigger.
         """
         with self._lock:
             if self._header is None:
@@ -101,20 +107,22 @@ class Live:
         return self._filled > 0
 
     def add(self, block: Mapping[str, NDArray[np.float64]]) -> None:
-        """Append samples [n] of each channel, in the order of the run's columns."""
+        """Append the next samples of each channel, arrays [n] by name in the order of the run's columns."""
         rows = list(block.values())
         with self._lock:
             end = min(self._filled + rows[0].size, self._values.shape[1])
             for i, row in enumerate(rows):
                 self._values[i, self._filled : end] = row[: end - self._filled]
             self._filled = end
-            if not self._hub.behind:  # otherwise they are sent with the next samples
+            # If older messages are not sent yet, these samples are sent with the next ones.
+            if not self._hub.behind:
                 self._send()
 
     def recorded(self, last: Mapping[str, float]) -> None:
-        """Take the last values of the run's recording: pages show what the file contains.
+        """Take the last value of each channel in the run's recording, by name, and send it to the pages.
 
-        More samples are measured than recorded, because the trigger might have come later.
+        Pages then show the end of the recording. The run itself has more samples, because its trigger might
+        have come later.
         """
         with self._lock:
             if self._header is not None and self._filled:
@@ -122,12 +130,13 @@ class Live:
                 self._tell_latest()
 
     def end(self) -> None:
-        """Finish the run: send the remaining samples."""
+        """Send the samples of the run that were not sent yet; called at its end."""
         with self._lock:
             if self._header is None:
                 return
             self._send()
-            if self._filled > self._sent * self._bucket:  # an incomplete bucket, in no block
+            # The last bucket is incomplete, and its samples were not sent.
+            if self._filled > self._sent * self._bucket:
                 self._tell_latest()
 
     def _latest(self) -> list[float]:
@@ -143,12 +152,17 @@ class Live:
             self._hub.send(message)
 
     def window(self, trace: int, begin: float, end: float, points: int) -> bytes:
-        """Return the values between two times as a binary message, for a page that zooms in.
+        """Return a part of the curves as a packed binary message, for a page that zooms in.
+
+        The message has the times, counted from `begin`, and the values of each channel.
 
         Args:
-            trace: number of the run's curves; ValueError if it is not the current or last run.
-            begin, end: s from the start of the drive. The times of the message count from `begin`.
-            points: number of points to draw.
+            trace: number of the run's curves since the panel started.
+            begin, end: limits of the part, s from the start of the drive.
+            points: wished number of points of each curve.
+
+        Raises:
+            ValueError: the curves are not those of the current or last run.
         """
         with self._lock:
             if self._header is None or trace != self._number:
@@ -162,7 +176,10 @@ class Live:
             return packed({"kind": "window", "trace": trace, "from": begin}, times - begin, *shown)
 
     def _block(self, first: int) -> bytes | None:
-        """Return the complete buckets from `first` on as a message; None if no new bucket is complete."""
+        """Return minimum and maximum of all complete buckets from number `first` on, as a packed message.
+
+        None: no further bucket is complete. A bucket is a group of successive samples.
+        """
         last = self._filled // self._bucket
         if last <= first:
             return None

@@ -1,6 +1,6 @@
-"""Preview of an uploaded file for the page: its columns, its time column, whether its last row is cut off.
+"""Preview of an uploaded file for the page: its columns, its time column, and a last row that is cut off.
 
-It runs in the process that reads files, so nothing of the server is imported here.
+It runs in the process that reads files, and imports nothing of the server.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..recording.readers.opening import source_of
 from ..recording.readers.preview import LOOKED_AT, look
 from ..recording.readers.source import FileContent, Rows
 
-# Patterns of the advice that readers of files give to Python users, and the advice for users of the page.
+# Pairs of a pattern of advice for Python users, in messages of readers, and the advice on the page instead.
 _ADVICE = (
     (
         re.compile(r"\(missing='drop'[^)]*\)"),
@@ -23,18 +23,20 @@ _ADVICE = (
     ),
     (re.compile(r"[^.:]*\brows=.*", re.DOTALL), " Tick “Take only the complete rows” to go on without it."),
 )
-# Number of rows, more than any file has. A reader that is given a number of rows accepts a file whose end is
-# cut off.
+# Number of rows that no file reaches. A reader that is given a number of rows accepts a file whose end is cut
+# off.
 _ALL = 2**40
 
 
 def preview(path: Path) -> dict[str, Any]:
-    """Return the result of `look`, and "first": True if the file may have more rows than were read.
+    """Return a description of a file for the page, before its import.
 
-    For a file whose last row is cut off, "cut" says so, and "complete" is the number of complete rows.
+    Keys: those of `look` (reader, samples, columns). "first" is True if the file may have more rows than the
+    first `LOOKED_AT`, which were read. For a file whose last row is cut off, "cut" is a sentence on it, and
+    "complete" the number of complete rows.
 
     Raises:
-        RecordingError: see `look`.
+        RecordingError: the file cannot be read; see `look`.
     """
     found = look(path)
     source = source_of(path, find_format(path))
@@ -43,10 +45,13 @@ def preview(path: Path) -> dict[str, Any]:
 
 
 def _cut(source: FileContent, columns: list[int]) -> dict[str, Any]:
-    """Return the fields "cut" and "complete" of `preview` for a file whose end is cut off, else no fields.
+    """Return the keys "cut" and "complete" of `preview`; {} if the end of the file is not cut off.
 
-    `columns` has the index of one numeric column, which is read to the end. Other errors of the file are not
-    reported here: the import reports them.
+    Other errors of the file are not reported here, but at the import.
+
+    Args:
+        source: the file.
+        columns: index of one numeric column, which is read to the end.
     """
     try:
         source.read(columns, Rows())
@@ -60,7 +65,8 @@ def _cut(source: FileContent, columns: list[int]) -> dict[str, Any]:
 
 
 def for_the_page(text: str) -> str:
-    """Return a reader's message with the advice replaced by advice for users of the page."""
+    """Return a message of a file's reader with its advice for Python users replaced by advice for the
+    page."""
     for pattern, advice in _ADVICE:
         text = pattern.sub(advice, text)
     return text

@@ -1,4 +1,4 @@
-"""Routes of the Move page."""
+"""Routes of the Move page, on which a user moves the actuator in closed loop."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from .moving import Act, LoopSettings, Moves
 
 
 def move_routes(control: Control, moves: Moves) -> APIRouter:
-    """Return the routes of the Move page."""
+    """Return the router with the routes of the Move page, below "/api/move".
+
+    Only the page in control (`control`) may give commands. `moves` executes them.
+    """
     routes = APIRouter(prefix="/api/move")
 
     @routes.get("/choices")

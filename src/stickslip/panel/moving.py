@@ -1,4 +1,4 @@
-"""Moves of the bench's rig: a loop in the rig's process follows commands until it is released."""
+"""Moves of the rig on the bench in closed loop: the loop runs in the rig's process and follows commands."""
 
 from __future__ import annotations
 
@@ -53,20 +53,20 @@ from .sliders import settings
 from .starting import Starter, counted_on, new_folder
 from .stream import Client, Hub, Message
 
-AT_MOST = 120.0  # s, longest time for which the loop controls the rig without a new start
-_INTERVAL = 0.25e-3  # s between recorded samples
-_TOLD = 0.05  # s between messages about the progress
-_SPREAD = 0.05  # relative change of the natural frequency, both ways, at which the loop must keep its margins
-_SHOWN = 0.03  # s of a predicted response
+AT_MOST = 120.0  # longest time of a session, s
+_INTERVAL = 0.25e-3  # sampling interval of the recording, s
+_TOLD = 0.05  # shortest time between two messages on position and target, s
+_SPREAD = 0.05  # relative change of the natural frequency, up and down, for which margins are kept
+_SHOWN = 0.03  # duration of a predicted step response, s
 COLUMNS = {"drive_voltage": "drive", POSITION: "end-effector", "target_position": "target"}
 SETTINGS = ("amplitude", "frequency", "tolerance")  # fields of `Stepping` that the page shows
 
 
 class LoopSettings(fields_of(Stepping, *SETTINGS)):
-    """Settings of the control loop, and fields of `control.Stepping`.
+    """Settings of the control loop, and some fields of `control.Stepping`; null keeps the tuned value.
 
-    `input` is the position sensor, "" for the first. `bandwidth` [Hz] is K_i gain / (2 pi), `proportional` is
-    K_p gain, with the piezo's gain; `corner` [Hz] is the low-pass filter's. Null keeps the tuned value.
+    `input` is the input with the position sensor, "" for the first. `bandwidth` [Hz] is K_i gain / (2 pi) and
+    `proportional` is K_p gain, with the piezo's gain. `corner` [Hz] is that of the low-pass filter.
     """
 
     input: str = ""
@@ -76,17 +76,17 @@ class LoopSettings(fields_of(Stepping, *SETTINGS)):
 
 
 class Act(Strict):
-    """A command as `control.Commanded` takes it, and settings for the session that it may start."""
+    """A command `what`, as for `control.Commanded.command`, and settings of the session that it may start."""
 
     what: dict[str, Any]
     settings: LoopSettings = Field(default_factory=LoopSettings)
 
 
 class Prepared(NamedTuple):
-    """The first run on the bench, its rig, and the loop that was tuned for it.
+    """The first run on the bench, its rig, and the loop tuned for it; `low` and `high` [V] limit the output.
 
-    `low` and `high` [V] limit the output. `others` are models with a changed natural frequency, at which the
-    loop must be stable too; `loops` are the discrete models of the actuator and of these.
+    `others` are the actuator with its natural frequency lowered and raised by `_SPREAD`; the loop is stable
+    for them, too. `loops` are discrete models of the actuator and of `others`.
     """
 
     content: dict[str, Any]
@@ -107,17 +107,17 @@ class Prepared(NamedTuple):
 
     @property
     def amplitude(self) -> float:
-        """Return the default amplitude of full steps, V."""
+        """Return the initial amplitude of full steps on the page, V."""
         return min(Stepping().amplitude, self.high - self.low)
 
     @property
     def sensors(self) -> list[str]:
-        """Return the names of inputs that measure in `unit`."""
+        """Return the names of the rig's inputs that measure in `unit`."""
         return [name for name, unit in self.can.inputs.items() if unit == self.unit]
 
     @property
     def columns(self) -> list[dict[str, str]]:
-        """Return the recorded channels: name, unit and label."""
+        """Return name, unit and label of each recorded channel, see `COLUMNS`."""
         units = {"drive_voltage": "V"}
         return [
             {"name": name, "unit": units.get(name, self.unit), "label": label}
@@ -125,7 +125,8 @@ class Prepared(NamedTuple):
         ]
 
     def regulator(self, asked: LoopSettings) -> Regulator:
-        """Return the regulator with the requested gains."""
+        """Return the regulator with the gains and the filter that `asked` sets, and otherwise tuned
+        values."""
         own = self.tuning
         gain, integral = self.cell.actuator.gain, own.pid.integral
         if asked.bandwidth is not None:
@@ -142,7 +143,8 @@ def _range(tuned: float, low: float, high: float) -> dict[str, float]:
 
 
 class Moves:
-    """Moves of the bench's rig. A session lasts from the first command until release, stop, or `AT_MOST`."""
+    """Moves of the rig on the bench. A session lasts from the first command to a release or stop, or
+    `AT_MOST`."""
 
     def __init__(
         self,
@@ -161,16 +163,16 @@ class Moves:
         self._lock, self._preparing = threading.Lock(), threading.Lock()
         self._known: tuple[str, Prepared] | None = None
         self._tables: dict[str, StepSizes] = {}
-        self._rig: HostedRig | None = None  # during a session
-        self._first: dict[str, Any] | None = None  # the command that starts the session
+        self._rig: HostedRig | None = None  # rig of the active session
+        self._first: dict[str, Any] | None = None  # command that starts the session
         self.state: dict[str, Any] = {"on": False}
         self._told = self._jogged = 0.0
         hub.greetings.append(self._greet)
         control.gone.append(self._left)
 
     def prepared(self) -> Prepared:
-        """Return the preparation for the first run on the bench. Raises ValueError if no loop can be closed
-        (too small margins, clamped actuator), and RigError if the rig does not answer."""
+        """Return the first run on the bench, tuned, until the experiment changes. Raises ValueError if no
+        loop can be closed (low margins, clamped actuator), RigError if the rig does not answer."""
         content = self._document.checked.content
         content = {**content, "runs": content["runs"][:1]}
         key = json.dumps(content, sort_keys=True, default=str)
@@ -194,7 +196,9 @@ class Moves:
         return Prepared(content, file, cell, can, output, low, high, tuning, loops, others)
 
     def choices(self) -> dict[str, Any]:
-        """Return the choices of the page: sensors, ranges, tuned values."""
+        """Return the fields of the page: actuator, unit, inputs (sensors), voltage (smallest and largest
+        amplitude of steps), settings; "tuned", "low", "high" of bandwidth, proportional and corner; stroke,
+        plausibility."""
         made = self.prepared()
         own, model, rate = made.tuning, made.cell.actuator, made.can.update_rate
         sensors, known = made.sensors, made.cell.channels.get(POSITION)
@@ -213,7 +217,7 @@ class Moves:
         }
 
     def _believed(self, made: Prepared) -> list[dict[str, Any]]:
-        """Return the limits beyond which a sensor's reading counts as implausible, each as text with unit."""
+        """Return name, value as text with unit, and meaning of each threshold of `Plausibility`."""
         beliefs, rows = self._plausibility(made, Stepping().frequency), []
         for name, quantity in quantities(Plausibility).items():
             own = quantity.along(coordinate_of(made.unit))
@@ -226,9 +230,10 @@ class Moves:
         return plausibility(made.cell.actuator, made.output, frequency, span, table=table)
 
     def response(self, asked: LoopSettings) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
-        """Return margins of the loop (with the reason if they are too small), and step responses [ticks].
+        """Return margins of the loop, and its responses to a unit step over "time" [s], arrays [ticks].
 
-        The responses are the model's, and the lowest and highest of all models with changed frequency.
+        "refused" says why the margins are too low, or "". "model" is the actuator's response; "low" and
+        "high" are the lowest and highest of the actuator and the models with other natural frequencies.
         """
         made = self.prepared()
         regulator, rate = made.regulator(asked), made.can.update_rate
@@ -248,11 +253,8 @@ class Moves:
         }
 
     def act(self, asked: Act) -> None:
-        """Execute a command; it starts a session if none is active.
-
-        Raises:
-            ValueError, RigError: it is refused; nothing was put out.
-        """
+        """Execute a command; it starts a session if none is active. A command that is refused with a
+        ValueError or RigError puts nothing out."""
         do = asked.what.get("do")
         with self._lock:
             self._jogged = time.monotonic() if do == "jog" else self._jogged
@@ -260,10 +262,10 @@ class Moves:
                 self._rig.command(**asked.what)
                 return
             if self._first is not None and do in ("jog", "halt") and self._runner.busy:
-                self._first = asked.what  # the session is starting: the last command counts
+                self._first = asked.what  # the session is starting: only the last command counts
                 return
             if do == "halt":
-                return  # the session has ended
+                return  # the session has ended already
             if do not in ("go", "steps", "jog"):
                 raise QuantityError("nothing holds: go somewhere first")
             self._starter.need_free()
@@ -279,7 +281,7 @@ class Moves:
             *(cell.actuator.gain, made.can.step),
             unit=made.unit,
         )
-        spec.made().command(**asked.what)  # refuse a wrong command before any output
+        spec.made().command(**asked.what)  # refuses a wrong command before any output
         position = self._position(made, settings.input)
         content = counted_on(made.content, self._folder.root)
         out = new_folder(self._folder, "move")
@@ -363,7 +365,7 @@ class Moves:
         if first is not None:
             self._rig = rig
             if first.get("do") == "jog" and time.monotonic() - self._jogged > HEARTBEAT:
-                first = {"do": "halt"}  # the button was released while the session started
+                first = {"do": "halt"}  # the button was released meanwhile
             rig.command(**first)
         self._live.add({name: block[name] for name in COLUMNS})
         position = float(block[POSITION][-1])
@@ -379,7 +381,7 @@ class Moves:
         yield json.dumps({"kind": "move", **self.state})
 
     def _left(self) -> None:
-        """End the session when the page in control is lost; in a thread, as the event loop must not wait."""
+        """Release the loop when the page in control is lost, in a thread: the event loop must not wait."""
         if self._rig is not None:
             threading.Thread(target=self._let_go, daemon=True).start()
 

@@ -23,9 +23,11 @@ _IMPORT = re.compile(r'^import\s+(?P<what>.+?)\s+from\s+"(?P<file>[^"]+)";\s*$',
 
 
 def _bundled(name: str, addresses: dict[str, str]) -> str:
-    """Return the text of a JavaScript module, with the modules that it imports embedded as data URLs.
+    """Return the text of a JavaScript module of the page, with its imports embedded as data URLs.
 
-    `addresses` has the data URL of each module embedded so far, and is extended.
+    Args:
+        name: file of the module, relative to the folder of the page's files.
+        addresses: data URL of each module embedded so far, by file; the function adds further ones.
     """
     folder = (_STATIC / name).parent
 
@@ -59,7 +61,7 @@ def _style() -> str:
 
 
 class PlotWidget(anywidget.AnyWidget):
-    """A plot with zoom, pan and cursors that show differences; see `plot_widget`."""
+    """Widget with a plot that has zoom, pan, and cursors that show differences; made by `plot_widget`."""
 
     _esm = _bundled("widget.js", {})
     _css = _style()
@@ -71,16 +73,16 @@ class PlotWidget(anywidget.AnyWidget):
 def plot_widget(
     recording: xr.Dataset, channels: Sequence[str] | None = None, *, height: int = 420
 ) -> PlotWidget:
-    """Plot a recording or a simulation in a notebook, as the control panel does.
+    """Return a notebook widget that plots a recording or a simulation, as the control panel does.
 
     Args:
-        recording: over "time"; from `simulate`, `read_recording` or a rig.
-        channels: channels to draw; channels of one unit share an axis. Default: all positions, elongations
-            and voltages, or all channels if it has no such channel.
+        recording: dataset over "time" from `simulate`, `read_recording` or a rig.
+        channels: names of the channels to draw; channels of one unit share an axis. Default: all positions,
+            elongations and voltages, or all channels if the recording has none of these.
         height: height of the plot, in pixels.
 
     Raises:
-        RecordingError: it is not a recording, or has no such channel.
+        RecordingError: `recording` is not a recording, or has no such channel.
     """
     validate_recording(recording)
     known = [str(name) for name in recording.data_vars]

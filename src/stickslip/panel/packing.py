@@ -1,4 +1,4 @@
-"""Arrays for the page: float32 behind a header in JSON."""
+"""Binary messages for the page: arrays as float32 behind a header in JSON."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 
 def packed(header: dict[str, Any], *arrays: ArrayLike) -> bytes:
-    """Return a binary message: length of the header (uint32), header in JSON, and the arrays as float32.
+    """Return a binary message: header length (uint32), header in JSON, and the arrays as float32.
 
-    The header also gets the lengths of the arrays, as "lengths"; arrays are flattened.
+    All numbers are little-endian. Spaces extend the header to a multiple of 4 bytes. The key "lengths" is
+    added to it: the number of values of each array. An array with several dimensions is flattened.
     """
     numbers = [np.asarray(array, dtype="<f4").ravel() for array in arrays]
     text = json.dumps({**header, "lengths": [one.size for one in numbers]}).encode()

@@ -1,7 +1,6 @@
 """Routes of the next steps after a fit: save a parameter set, predict, send the drive to the bench, verify.
 
-Each step leaves a file with links to its sources. The history shows the links; the page can ask for them at
-any time.
+Each step leaves a file with links to its sources, by name. The pages Identify and History show the links.
 """
 
 from __future__ import annotations
@@ -39,26 +38,30 @@ from .journal import Journal
 from .sets import Sets
 from .stream import Hub
 
-PREDICTIONS = "predictions"  # subfolder of the panel's folder for predictions
-PREDICTED = "predicted"  # name of the bench's run that has the predicted drive
-SAID = "As predicted in "  # start of that run's notes; the prediction's name follows
-_SAMPLES = 4000  # number of samples of a prediction
-_LONGEST = 60.0  # s, longest drive of a prediction
-_REST = 0.2  # s that are simulated or recorded after the drive
-_PATIENCE = 300.0  # s after which a verification is ended
+PREDICTIONS = "predictions"  # subfolder of the panel's folder that contains the predictions
+PREDICTED = "predicted"  # name of the run of the experiment that has the predicted drive
+# First words of the notes of this run; the name of the prediction's file follows.
+SAID = "As predicted in "
+_SAMPLES = 4000  # number of samples of a prediction, drive and rest together
+_LONGEST = 60.0  # longest drive of a prediction, s
+_REST = 0.2  # time after the drive that is simulated or recorded, too, s
+_PATIENCE = 300.0  # longest time of a verification, s; then its process is ended
 
 
 class Save(Strict):
-    """Request to save a fit (its folder) as a parameter set with a new name."""
+    """Request to save a fit as a parameter set.
+
+    `fit` is the fit's subfolder of the panel's folder. `name` is the name of the set, which must be new.
+    """
 
     fit: str
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]{0,59}$")
 
 
 class PathDrive(Strict):
-    """A periodic drive with its number of periods; the file of a prediction has it in this form.
+    """A periodic drive for a number of periods, as the file of a prediction keeps it in its attributes.
 
-    Values are in SI (V, Hz) or texts with units.
+    `shape` is the name of a waveform. `amplitude` [V] and `frequency` [Hz] are numbers or texts with units.
     """
 
     shape: str = Field(pattern="^(Sawtooth|ReverseSawtooth|Triangle|Cycloid|Sine)$")
@@ -67,24 +70,26 @@ class PathDrive(Strict):
     periods: int = Field(ge=1, le=1000)
 
     def forever(self) -> Any:
-        """Return the waveform without an end; raises QuantityError for a wrong value."""
+        """Return the drive without an end, for its steady step; raises QuantityError for a wrong value."""
         return shape(self.shape)(amplitude=self.amplitude, frequency=self.frequency)
 
 
 class Prediction(PathDrive):
-    """Request for a prediction: a parameter set, see `Sets`, and its drive."""
+    """Request to simulate an actuator under a drive; `parameters` is the name of its parameter set, see
+    `Sets`."""
 
     parameters: str
 
 
 class Sent(Strict):
-    """Request to send the drive of a prediction to the bench."""
+    """Request to put the drive of a prediction on the bench; `prediction` is the name of its file."""
 
     prediction: str
 
 
 class Check(Strict):
-    """Request to verify a fit on recordings."""
+    """Request to verify a fit; `fit` is its subfolder, and `recordings` are the names of recordings to
+    predict."""
 
     fit: str
     recordings: list[str] = Field(min_length=1, max_length=20)
@@ -99,7 +104,17 @@ def path_routes(
     read: Reader,
     sets: Sets,
 ) -> APIRouter:
-    """Return the routes, for the Identify page and the history."""
+    """Return the router with the routes of the next steps after a fit, below "/path".
+
+    "/send" needs control of the rig.
+
+    Args:
+        folder: the panel's folder.
+        hub: sends changes to the pages.
+        control, journal, document: control of the rig, log, and experiment on the bench.
+        read: reads recordings in a process of its own.
+        sets: parameter sets on offer.
+    """
     routes = APIRouter(prefix="/path")
 
     @routes.get("")
@@ -163,10 +178,10 @@ def path_routes(
 
 
 def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
-    """Return the names of results made from the fit `name`: parameter sets, predictions, recordings with a
-    predicted drive, verifications.
+    """Return the names of the results that were made from the fit with the name `name`.
 
-    "others" are recordings that the fit has not used, at most 100, to verify it on.
+    Keys: "sets", "predictions" (with these sets), "recordings" (with the drive of such a prediction),
+    "verifications", and "others": at most 100 recordings, not used by the fit, on which it can be verified.
     """
     with Index(folder.root, read) as index:
         index.patience = READING
@@ -191,7 +206,10 @@ def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
 
 
 def predicted_of(run: dict[str, Any]) -> str | None:
-    """Return the name of the prediction whose drive a run uses, read from the run's notes; None without."""
+    """Return the name of the prediction whose drive a run of the experiment uses, None for another drive.
+
+    The name is read from the notes in `run`, the entry of an experiment file.
+    """
     found = re.match(re.escape(SAID) + r"(predictions/[\w.-]+\.nc)", str(run.get("notes", "")))
     return found[1] if found else None
 
@@ -237,7 +255,11 @@ def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, An
 
 
 def _run(prediction: str, drive: PathDrive, runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return a run of the experiment with this drive, at the sampling interval of the first run."""
+    """Return a run with this drive, as an entry of "runs" in an experiment file.
+
+    The run is sampled as the first of the other `runs`, or at the rig's full rate without one. Its notes name
+    the prediction, see `predicted_of`.
+    """
     forever = drive.forever()
     amplitude, frequency = forever.amplitude, forever.frequency
     capture = runs[0]["capture"] if runs else {}
@@ -258,9 +280,10 @@ def _run(prediction: str, drive: PathDrive, runs: list[dict[str, Any]]) -> dict[
 
 
 def _verified(folder: Folder, asked: Check, out: Path) -> None:
-    """Run `stickslip verify` with its report in `out`, as a process that can be ended if it takes too long.
+    """Run `stickslip verify` in a process of its own, which writes its report into the folder `out`.
 
-    Raises QuantityError with the command's last message if it failed.
+    Raises FolderError if a recording is missing, and QuantityError if the command failed (with its last
+    message) or took more than `_PATIENCE` seconds.
     """
     paths = [folder.path(name) for name in asked.recordings]
     missing = [name for name, path in zip(asked.recordings, paths, strict=True) if not path.is_file()]

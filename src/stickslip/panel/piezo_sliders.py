@@ -1,8 +1,9 @@
-"""Two sliders for a piezo: the share of the stroke that follows with hysteresis, and the creep per decade.
+"""Sliders for a piezo on the Explore page: hysteresis, creep, and parameters of other hysteresis models.
 
-The play operators of a parameter set are scaled to the sliders' values; they stay bit-identical at the set's
-own values. A piezo without play operators gets default ones, with loops like those of PZT stacks. Other
-hysteresis models have one slider for each of their parameters, "piezo_alpha" and so on.
+"hysteresis" is the share of the stroke that follows with hysteresis, 0 to 1. "creep" is the creep per decade
+of time, over the stroke. The weights of a piezo's play operators are scaled to the sliders' values; at the
+piezo's own values they are not changed at all. A piezo without play operators gets default ones, with loops
+as of PZT stacks. Another hysteresis model has one slider for each of its parameters, such as "piezo_alpha".
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ FIELDS = {
     "hysteresis": Quantity("", "h", "share of the stroke that follows with hysteresis", minimum=0, below=1),
     "creep": Quantity("", "g", "creep per decade of time, over the stroke", minimum=0, maximum=1),
 }
-# Thresholds [V] of the play operators that an actuator without any gets.
+# Thresholds of the default play operators, V.
 THRESHOLDS = (0.0, 5.0, 10.0, 20.0, 40.0)
 
 
 def shares(piezo: Piezo | None) -> dict[str, float]:
-    """Return the values of the sliders "hysteresis" and "creep" for a piezo, 0 for an ideal one (None)."""
+    """Return the values of "hysteresis" and "creep" for a piezo; 0 for what it lacks, and for None."""
     law, creep = piezo or (None, None)
     found = 0.0
     if isinstance(law, PrandtlIshlinskii):
@@ -34,9 +35,9 @@ def shares(piezo: Piezo | None) -> dict[str, float]:
 
 
 def own_fields(piezo: Piezo | None) -> dict[str, Quantity]:
-    """Return the parameters of a hysteresis model without play operators, by the name of their slider.
+    """Return the parameters of a hysteresis model other than play operators, by name of the slider.
 
-    Empty for a piezo without hysteresis, or with play operators.
+    The result is {} for a piezo without hysteresis or with play operators, and for None.
     """
     law = None if piezo is None else piezo.hysteresis
     if law is None or isinstance(law, PrandtlIshlinskii):
@@ -46,7 +47,8 @@ def own_fields(piezo: Piezo | None) -> dict[str, Quantity]:
 
 
 def values(piezo: Piezo | None) -> dict[str, Any]:
-    """Return the values of all sliders for a piezo."""
+    """Return the values of all sliders for a piezo, by name: "hysteresis", "creep", and those of
+    `own_fields`."""
     law = None if piezo is None else piezo.hysteresis
     return {**shares(piezo), **{name: getattr(law, name.removeprefix(PIEZO)) for name in own_fields(piezo)}}
 
@@ -77,12 +79,16 @@ def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) ->
 
 
 def _at_once(law: PrandtlIshlinskii) -> float:
-    """Return the weight of the operator with threshold 0, which has no hysteresis; 0 without such a one."""
+    """Return the weight of the play operator with threshold 0, which has no hysteresis; 0 if there is
+    none."""
     return law.weights[0] if law.thresholds[0] == 0.0 else 0.0
 
 
 def _crept(creep: Creep | None, per_decade: float) -> Creep | None:
-    """Return creep scaled to a share of the stroke per decade of time; None for 0."""
+    """Return creep with the shares of all terms scaled so that it adds `per_decade` of the stroke per decade.
+
+    Without creep to scale it is logarithmic. The result is None if `per_decade` is 0.
+    """
     if per_decade == 0.0:
         return None
     if creep is None or creep.per_decade == 0.0:
@@ -92,9 +98,10 @@ def _crept(creep: Creep | None, per_decade: float) -> Creep | None:
 
 
 def _stretched(law: Any, share: float) -> PrandtlIshlinskii | None:
-    """Return play operators of which those with hysteresis have this share of the total weight.
+    """Return play operators with hysteresis, whose weights are the part `share` of all weights.
 
-    They are the scaled operators of `law`, or default ones if it has none; None for default ones and 0.
+    They are the scaled operators of `law`. Default operators are used if `law` has none with hysteresis, or
+    none with threshold 0; for these and a share of 0 the result is None.
     """
     if not isinstance(law, PrandtlIshlinskii) or law.thresholds[0] > 0.0 or sum(law.weights[1:]) == 0.0:
         law = PrandtlIshlinskii(THRESHOLDS, (1.0,) * len(THRESHOLDS))

@@ -1,4 +1,4 @@
-"""The recordings in the panel's folder: list, show, rename, export."""
+"""Routes for the recordings in the panel's folder: list, show, rename, export."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from .stream import Hub, packed
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_OPEN = 6  # recordings kept in memory for zooming
-MOST_POINTS = 20_000  # most points of a curve in one answer
-OURS = "nc"  # name of the package's own format among the formats of an export
+MOST_OPEN = 6  # number of recordings kept in memory, for pages that zoom in
+MOST_POINTS = 20_000  # largest number of points of a curve in one answer
+OURS = "nc"  # kind of export for the package's own format, NetCDF
 
 
 class Shown(Strict):
-    """Request for a recording's curves with about `points` points, from `begin` to `end` [s].
+    """Request for the curves of all channels of a recording, from `begin` to `end` [s] of its time.
 
-    None: from the first sample, or to the last one.
+    None: from the first sample, to the last one. `points` is the wished number of points of each curve.
     """
 
     name: str
@@ -48,14 +48,14 @@ class Shown(Strict):
 
 
 class Renaming(Strict):
-    """Request to rename a file."""
+    """Request to rename a recording: its `name` and its new name `to`, relative to the panel's folder."""
 
     name: str
     to: str
 
 
 class Shelf:
-    """Cache of the last `MOST_OPEN` recordings that were opened; a changed file is read again."""
+    """Cache of the recordings that were opened last, at most `MOST_OPEN`; a changed file is read again."""
 
     def __init__(self, folder: Folder, read: Reader) -> None:
         self._folder, self._read = folder, read
@@ -63,7 +63,10 @@ class Shelf:
         self._lock = Lock()
 
     def recording(self, name: str) -> xr.Dataset:
-        """Return a recording of the folder; raises FolderError or RecordingError."""
+        """Return a recording of the folder, from memory if it was opened lately.
+
+        Raises FolderError for an unknown name, RecordingError if the file cannot be read.
+        """
         path = self._folder.path(name)
         if not path.is_file():
             raise FolderError(f"{name[:60]}: there is no such recording")
@@ -81,7 +84,10 @@ class Shelf:
 
 
 def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> APIRouter:
-    """Return the routes of the recordings."""
+    """Return the router with the routes of the recordings, below "/recordings"; only "/rename" needs control.
+
+    `hub` sends changes to the pages, and `read` reads recordings in a process of its own.
+    """
     routes = APIRouter(prefix="/recordings")
     shelf = Shelf(folder, read)
 
@@ -124,7 +130,8 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
             raise FolderError("a recording is called NAME.nc")
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
-            os.link(source, target)  # unlike renaming, a link never replaces another file
+            # A hard link never replaces an existing file, as renaming would.
+            os.link(source, target)
         except FileExistsError:
             raise FolderError(f"{asked.to} is there already") from None
         source.unlink()
@@ -142,7 +149,8 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
             raise FolderError(f"{kind[:60]!r} is no format of recordings: {', '.join([OURS, *EXPORTS])}")
         recording = shelf.recording(name)
         stem = Path(name).stem
-        with suppress(OSError):  # exports also work from a read-only folder
+        # The log of acts cannot be written in a read-only folder; the export works all the same.
+        with suppress(OSError):
             note_act(folder.root, "exported", name, kind=kind)
         if kind == OURS and name.endswith(".nc"):
             return FileResponse(folder.path(name), filename=f"{stem}.nc")
@@ -154,7 +162,7 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
 
 
 def last_of(values: NDArray[np.float64]) -> float | None:
-    """Return the last sample of a channel; None if it is not finite, because JSON has no such number."""
+    """Return the last sample of a channel; None if it is not finite, because JSON has no NaN or infinity."""
     return float(values[-1]) if np.isfinite(values[-1]) else None
 
 

@@ -1,4 +1,4 @@
-"""Rigs that the Bench page offers: virtual benches, back ends, connected devices."""
+"""Rigs that the Bench page offers: virtual benches, back ends (drivers), and connected devices."""
 
 from __future__ import annotations
 
@@ -19,12 +19,17 @@ from ..rig.measurement import DRIVE, POSITION
 from .folder import Folder
 
 Content = dict[str, Any]
-_MOST = 50  # number of the folder's newest .toml files in which benches are sought
-_LONGEST = 2000  # characters of options that are read
+_MOST = 50  # number of newest .toml files of the folder that are searched for benches
+_LONGEST = 2000  # largest length of the options that is read, characters
 
 
 def offered(folder: Folder) -> dict[str, Any]:
-    """Return the rigs to choose from and the connected devices; nothing is sent to any device."""
+    """Return the rigs to choose from, "rigs", and the devices found on this machine's ports, "connected".
+
+    An entry of "rigs" has "kind" and, for a virtual rig, "bench" and "device" (its name); otherwise "options"
+    (see `_options`) and the fields of `rig.About`. An entry of "connected" has the fields of a device, see
+    `rig.attached`. Nothing is sent to any device.
+    """
     benches = [*available_benches(), *_own_benches(folder)]
     return {
         "rigs": [
@@ -45,24 +50,30 @@ def _own_benches(folder: Folder) -> Iterator[str]:
             with nothing_run():
                 load_bench(folder.path(name))
         except (ParameterSetError, QuantityError, RegistryError, OSError):
-            continue  # a parameter set, or a damaged file
+            continue  # is a parameter set, or damaged
         yield name
 
 
 def _options(kind: str) -> str:
-    """Return the arguments of a back end (driver) as text to edit: "name: default, ..."."""
+    """Return the arguments of a back end (driver) with their defaults, as text to edit: "name: default, ...".
+
+    `kind` is the back end's name.
+    """
     given = inspect.signature(registry.rigs.find(kind)).parameters.values()
     return ", ".join(f"{one.name}: {'' if one.default is one.empty else one.default}" for one in given)
 
 
 def asked_rig(kind: str, bench: str, options: str, before: Content) -> Content:
-    """Return the section "rig" of an experiment file for the chosen rig.
+    """Return the content of the section "rig" of an experiment file for the chosen rig.
 
     Args:
         kind: "virtual", or the name of a back end.
-        bench: the virtual rig's bench.
-        options: the back end's arguments as text, such as "host: 192.168.0.20".
-        before: the section so far; a virtual rig that stays virtual keeps its settings.
+        bench: name of the virtual rig's bench, not used for a back end.
+        options: arguments of the back end as text, such as "host: 192.168.0.20", not used for a virtual rig.
+        before: present content of the section; a virtual rig that stays virtual keeps its other settings.
+
+    Raises:
+        QuantityError: `options` cannot be read.
     """
     if kind == "virtual":
         kept = (
@@ -80,12 +91,15 @@ def asked_rig(kind: str, bench: str, options: str, before: Content) -> Content:
 def fitted(
     content: Content, can: Capabilities, check: Callable[[Content], object]
 ) -> tuple[Content, list[str]]:
-    """Return the experiment with the channels and runs that a rig supports, and a list of what was left out.
+    """Return an experiment reduced to what a rig supports, and a text for each channel and run left out.
+
+    If a channel was left out, a channel is added for each input of the rig that has none. The displays of the
+    page are reduced to the remaining variables.
 
     Args:
-        content: the experiment, with the new rig.
-        can: the rig's capabilities.
-        check: raises ValueError or RigError for a content that cannot be recorded.
+        content: content of the experiment file, with the new rig.
+        can: capabilities of the rig.
+        check: takes a content; raises ValueError or RigError if it cannot be recorded.
 
     Raises:
         QuantityError: the rig supports none of the runs.
@@ -117,7 +131,12 @@ def fitted(
 
 
 def facts(can: Capabilities, limits: Limits, about: About | None, unit: str) -> dict[str, Any]:
-    """Return capabilities, unit of positions from home, and finite limits of the experiment, in SI."""
+    """Return the facts on a rig that pages show, in SI.
+
+    Keys: the fields of `Capabilities`, "unit" of positions from home, and "limits", the finite limits of the
+    experiment by name. "safe_state" is how the output reaches its safe state. "verified" is the reference
+    against which the back end was verified, "" for a virtual rig, whose `about` is None.
+    """
     return {
         **can._asdict(),
         "unit": unit,

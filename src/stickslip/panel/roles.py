@@ -1,8 +1,8 @@
-"""Roles of tokens. Each role may also do what the roles before it may do.
+"""Roles of tokens, from least to most. Each role includes the roles before it.
 
 - watch: see everything, stop the rig, disarm it, withdraw a permit
 - operate: control the rig, and write into the folder
-- maintain: change limits, and choose the rig
+- maintain: change the rig's limits, and choose the rig
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 from .asking import asking
 
 ROLES = ("watch", "operate", "maintain")
-# Requests (POST) that the role "watch" may make: they write nothing and move nothing, or only make the rig
-# safer. It may also make every GET request.
+# Paths of requests (POST) that the role "watch" may make, besides all GET requests. They neither write nor
+# move anything, or only make the rig safer.
 _WATCH = frozenset(
     {
         *("/quantity", "/bench/stop", "/bench/window", "/interlock/disarm", "/interlock/permit"),
@@ -22,26 +22,30 @@ _WATCH = frozenset(
     }
 )
 _MAINTAIN = frozenset({"/bench/rig"})
-SAID_BY_ALL = frozenset({"emergency_stop", "greet"})  # messages on the stream that watchers may send
+# Messages on the stream that a client with the role "watch" may send.
+SAID_BY_ALL = frozenset({"emergency_stop", "greet"})
 
 
 class RoleError(ValueError):
-    """The asker's role is too low for the request."""
+    """Refusal of a request for which the role of the client's token is too low."""
 
 
 def least_role(method: str, path: str) -> str:
-    """Return the least role that a request needs."""
+    """Return the least role that a request needs.
+
+    `method` is its HTTP method, such as "POST", and `path` the path of its address.
+    """
     if method in ("GET", "HEAD") or path in _WATCH:
         return "watch"
     return "maintain" if path in _MAINTAIN else "operate"
 
 
 def enough(role: str, least: str) -> bool:
-    """Return True if a role includes another one."""
+    """Return True if the role `role` includes the role `least`."""
     return ROLES.index(role) >= ROLES.index(least)
 
 
 def need_role(least: str) -> None:
-    """Raise RoleError unless the current asker has at least that role."""
+    """Raise RoleError unless the client whose request is being answered has at least the role `least`."""
     if not enough(asking().role, least):
         raise RoleError(f"this needs the role {least}, and your token is one to {asking().role}")

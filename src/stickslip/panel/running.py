@@ -1,4 +1,4 @@
-"""The current run: an experiment in a thread, independent of the pages, until its end or a stop."""
+"""The current run: a job in a thread, which continues without any page until its end or a stop."""
 
 from __future__ import annotations
 
@@ -36,18 +36,19 @@ from .trigger import TriggerSeeker
 if TYPE_CHECKING:
     import xarray as xr
 
-_AT_ZERO = 0.5  # V, largest measured drive that counts as 0 V
+_AT_ZERO = 0.5  # largest drive at the end of a run that counts as 0 V, V
 
 
 class Arrived(RigError):
-    """The run is over: it was only to reach a position, and has reached it."""
+    """End of a run whose only purpose was to reach a position, after the position was reached."""
 
 
 class BenchJob(NamedTuple):
-    """An experiment to run, the folder of its relative paths, the folder for recordings, its channels.
+    """An experiment to run, folder of its relative paths, folder for recordings, and channels (`columns`).
 
-    `goal` receives the position from home and each block of samples, and raises `Arrived` to end the run. A
-    `loop` (takes a progress callback) is run instead of the experiment. `finished` is called afterwards.
+    `goal` gets the position from home [m, rad] and each block of samples by channel, and raises `Arrived` to
+    end the run. A `loop`, which takes a progress callback, is run instead of the experiment. `finished` is
+    called at the end.
     """
 
     title: str
@@ -61,15 +62,15 @@ class BenchJob(NamedTuple):
 
 
 class Runner:
-    """Runs one job at a time. `position` is the end-effector's last measured one, m (rad) from home.
-    `before_ramp` is True if the output then ramped to 0 V, unmeasured: it may have moved since.
+    """Runs one job at a time. `position` is the end-effector's last measured position, m (rad) from home. If
+    the output then ramped to 0 V, `before_ramp` is True: the end-effector may have moved since.
 
-    The output belongs to another process, which stops by itself if this one dies or stalls. A stop goes
-    directly to that process, whatever the run's thread is doing.
+    The output belongs to the rig's process, which stops by itself if this one dies or stalls. A stop goes
+    directly to the rig's process, whatever the run's thread is doing.
 
     Args:
-        hub, live, journal: receive the progress.
-        rigs: the folder of the process that owns the panel's virtual rig.
+        hub, live, journal: stream, curves and log, which receive the progress.
+        rigs: folder of the process that owns the panel's virtual rig.
         read: reads the files that an experiment names.
         statistics: receives the samples; may request a stop.
     """
@@ -79,22 +80,22 @@ class Runner:
     ) -> None:
         self._hub, self._live, self._journal, self._rigs, self._read = hub, live, journal, rigs, read
         self._statistics = statistics
-        self.asks: list[Callable[[], None]] = []  # called before a job starts; an exception refuses it
-        self.also_stop: list[Callable[[], bool]] = []  # called at a stop; return whether they were active
-        self.beating = Beating()  # signs of life of the page in control
+        self.asks: list[Callable[[], None]] = []  # called before a job starts; an error refuses it
+        self.also_stop: list[Callable[[], bool]] = []  # called at a stop; each returns True if it was active
+        self.beating = Beating()  # passes heartbeats of the page in control on
         self._control: Link | None = None
-        self._stopper: Link | None = None  # second link to that process: stops wait for no other answer
+        self._stopper: Link | None = None  # a stop uses this link, to wait for no other answer
         self._linking = threading.Lock()
-        self._using = threading.Lock()  # lock of the rig: for a run, or for setting home
-        self._delivered = 0.0  # s from a request to stop until the rig's process confirmed it
-        self._telling = threading.RLock()  # lock of `state`, which the run's thread and requests change
+        self._using = threading.Lock()  # held during a run, and while home is set
+        self._delivered = 0.0  # time until the rig's process confirmed the stop, s
+        self._telling = threading.RLock()  # guards `state`: the run and requests change it
         self._thread: threading.Thread | None = None
         self._stop: tuple[str, float] | None = None
         self._told = 0.0
         self._busy = False
         self.position = 0.0
         self.before_ramp = False
-        self._moved, self._volts = False, 0.0  # True once the job has a position; its last drive, V
+        self._moved, self._volts = False, 0.0  # position measured in this job; last drive, V
         self.state: dict[str, Any] = {
             "number": 0,
             "phase": "idle",
@@ -107,7 +108,7 @@ class Runner:
 
     @property
     def where(self) -> dict[str, Any]:
-        """Return the position in the form that pages receive."""
+        """Return "position" and "before_ramp", as pages receive them."""
         return {"position": self.position, "before_ramp": self.before_ramp}
 
     @property
@@ -116,7 +117,8 @@ class Runner:
         return self._busy
 
     def start(self, job: BenchJob) -> None:
-        """Start a job; raises RigError while another runs, or what one of `asks` raises."""
+        """Start a job in a thread; raises RigError while another runs, or the error of a function in
+        `asks`."""
         if not self.busy:
             for ask in self.asks:
                 ask()
@@ -139,10 +141,10 @@ class Runner:
             self._thread.start()
 
     def stop(self, why: str) -> bool:
-        """Ask the run to end with a ramp to 0 V, at once. Return False if nothing was active."""
+        """End the run at once with a ramp to 0 V; `why` is the reason. Return False if nothing was active."""
         asked, stopper = time.perf_counter(), self._stopper
         told = stopper is not None and self._busy and self._stop is None
-        if stopper is not None and told:  # before anything slow
+        if stopper is not None and told:  # comes first, because what follows is slower
             with suppress(RigError):
                 stopper.tell_stop(why)
                 threading.Thread(target=self._halt, args=(stopper, asked), daemon=True).start()
@@ -161,21 +163,21 @@ class Runner:
         return True
 
     def _tell_stop(self, asker: Asker, why: str) -> None:
-        """Log the stop in a thread: a stop does not wait for a disk."""
+        """Log the stop in a thread, because a stop must not wait for a disk."""
         with asked_by(asker):
             self._journal(f"{why}: asked for", "warning")
 
     def _halt(self, stopper: Link, asked: float) -> None:
-        """Wait until the rig's process has confirmed the request; it may never answer."""
+        """Note the time until the rig's process has confirmed the stop, which may never happen."""
         with suppress(RigError):
             stopper.heard_stop()
             self._delivered = time.perf_counter() - asked
 
     def _follow(self, why: str, asked: float, number: int) -> None:
-        """Follow a stop through separate connections until the output is measured at 0 V."""
+        """Repeat a stop through other connections until the output is at 0 V, and show its state."""
         control = self._control
         if control is None:
-            return  # the run has not reached the rig yet, and checks for a stop before it does
+            return  # the rig was not reached yet: the run itself will check for a stop
         alarm = ""
 
         def tell(stop: StopState) -> None:
@@ -192,7 +194,7 @@ class Runner:
         follow_stop(control.folder, why, tell, lambda: self.busy and self.state["number"] == number, asked)
 
     def reach(self, folder: Path | None = None) -> Link:
-        """Return a connection to the rig's process, by default the virtual rig's; runs do not use it.
+        """Return a connection to the rig's process in `folder` (None: virtual rig); runs do not use it.
 
         The process is started if needed.
         """
@@ -210,7 +212,8 @@ class Runner:
             return self._control
 
     def find_position(self) -> None:
-        """Ask the rig's process for the end-effector's position and show it; nothing during a run."""
+        """Ask the virtual rig's process for the end-effector's position, and show it; nothing during a
+        run."""
         if not self.busy:
             position = self.reach().ask("state")[0]["position"]
             if position is not None:
@@ -231,7 +234,7 @@ class Runner:
             self._thread.join(most)
 
     def home_here(self, file: ExperimentFile, folder: Path, cell: Cell) -> None:
-        """Set home to the present position, as the experiment's channel shows it."""
+        """Set home to the position that the channel of `cell` measures now; RigError without this channel."""
         channel = cell.channels.get(POSITION)
         if channel is None:
             raise RigError(f"home is set by the channel {POSITION}, which is not recorded")
@@ -276,11 +279,11 @@ class Runner:
             if self._moved:
                 self.before_ramp = ramped
             with self._telling:
-                self._busy = False  # first of all: a page may start again as soon as it sees the end
+                self._busy = False  # before the page learns it, because it may start a run at once
                 self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 
     def _recorded(self, job: BenchJob, progress: Progress) -> int:
-        """Run the job; return the number of recordings."""
+        """Run the job; return the number of its recordings (1 for a loop)."""
         if job.loop is not None:
             job.loop(progress)
             return 1
@@ -301,16 +304,16 @@ class Runner:
         self._live.recorded({str(name): float(one[-1]) for name, one in recording.data_vars.items()})
 
     def laboratory(self, job: BenchJob) -> Laboratory:
-        """Open the laboratory of a job: its rig, and what the rig needs."""
+        """Open the rig of a job, by connecting to its process; the caller must close the result."""
         return open_laboratory(job.file, job.folder, self._rigs, "the panel")
 
     def need_going(self) -> None:
-        """Raise StopRequested if the run was asked to stop; called before each next action of a job."""
+        """Raise StopRequested if a stop was requested; a job calls this before its next action."""
         if self._stop is not None:
             raise StopRequested(self._stop[0])
 
     def seen(self, position: float) -> None:
-        """Take the position that a running loop has measured, m (rad) from home, and show it."""
+        """Take the position that a running loop has measured, m (rad) from home; pages show "running"."""
         self._at(position)
         self._puts_out()
 
@@ -325,7 +328,7 @@ class Runner:
     def _finish(self, finished: Callable[[], None]) -> None:
         try:
             finished()
-        except (ValueError, OSError) as error:  # the recordings exist; the next run must not wait for this
+        except (ValueError, OSError) as error:  # must not keep the next run from starting
             self._journal(f"after the run: {error}", "error")
 
     def _watched(self, job: BenchJob, cell: Cell, rig: Rig) -> Rig:
@@ -341,7 +344,7 @@ class Runner:
             seek.begin(before)
             self._statistics.begin(job.columns, drive)
             with self._telling:
-                # A virtual rig computes before its output starts; after a stop request it does neither.
+                # A virtual rig computes a run before its output starts; a requested stop prevents both.
                 self._state(phase="preparing" if self._stop is None else "stopping", doing=cell.name)
 
         def sees(block: dict[str, NDArray[np.float64]]) -> None:
@@ -382,7 +385,7 @@ class Runner:
         if now - self._told < 0.1 and doing == self.state["doing"]:
             return
         self._told = now
-        # The first moments say little: a run may have to be computed before it starts.
+        # No estimate at first: a run may have to be computed before it starts.
         remaining = (now - begun) * (1.0 - done) / done if done > 0.02 else None
         self._state(doing=doing, done=done, remaining=remaining)
 

@@ -1,4 +1,4 @@
-"""A queue of runs, one after the other: combinations of variables, repeats, rests, conditions."""
+"""Sequences of runs: combinations of values of variables, repeats, and rests between runs."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from .running import Runner
 from .starting import Starter
 from .stream import Client, Hub
 
-MOST_STEPS = 1000  # most runs of a sequence
-_OVERHEAD = 1.0  # s that a run is assumed to take besides its capture, until a run was measured
-_ENDS = 600.0  # s for which the sequence waits for the end of a run
+MOST_STEPS = 1000  # largest number of runs in a sequence
+_OVERHEAD = 1.0  # assumed time that a run takes besides its recordings, until it was measured, s
+_ENDS = 600.0  # longest wait for the end of a run, s
 
 
 class Item(Strict):
-    """A run, repeated `repeats` times for each combination of the values of its variables.
+    """Part of a sequence: a run, repeated for each combination of the values of its variables.
 
-    `run` names a run of the experiment, `matrix` has the values of each variable, and `rest` is the time to
-    wait after each run.
+    `run` is the name of a run of the experiment. `matrix` lists the values of each variable, as texts with
+    units, by name. `rest` is the time to wait after each run, in s or a text with a unit.
     """
 
     run: str
@@ -40,11 +40,11 @@ class Item(Strict):
 
 
 class RunSequence(Strict):
-    """Request for a sequence of runs.
+    """Request for a sequence of runs, the parts of which are its `items`.
 
-    `order` is "given" (all repeats of a combination, then the next one) or "rounds" (all combinations, then
-    all again). With `home_first` the end-effector walks home before each run; with `go_on` the sequence
-    continues after a failed run.
+    `order` is "given" (all repeats of a combination, then the next combination) or "rounds" (all combinations
+    once, then all again). With `home_first` the end-effector walks to position 0 before each run. With
+    `go_on` the sequence continues after a failed run.
     """
 
     items: list[Item] = Field(min_length=1, max_length=50)
@@ -54,10 +54,10 @@ class RunSequence(Strict):
 
 
 class QueuedRun(NamedTuple):
-    """One run of a sequence.
+    """One run of a sequence, with a title for pages and the log.
 
-    `content` is an experiment with this run only, `seconds` the time that its capture takes, and `rest` the
-    time to wait after it [s].
+    `content` is the content of an experiment file with this run only. `seconds` is the duration of its
+    recordings [s], and `rest` the time to wait after the run [s].
     """
 
     content: dict[str, Any]
@@ -67,14 +67,19 @@ class QueuedRun(NamedTuple):
 
 
 class Sequencer:
-    """Runs one sequence at a time in a thread; stopping the run also ends the sequence."""
+    """Runs one sequence at a time, in a thread. A stop of the run, by any page, also ends the sequence.
+
+    `state` is sent to pages: "phase" ("idle", "running", "done", "ended" or "failed"), "at" and "count"
+    (number of the current run, of all runs), "title", "left" (remaining time [s], None if idle) and "said", a
+    message.
+    """
 
     def __init__(self, hub: Hub, document: BenchDocument, runner: Runner, starter: Starter) -> None:
         self._hub, self._document, self._runner, self._starter = hub, document, runner, starter
         self._lock = threading.Lock()
-        self._telling = threading.Lock()  # lock of `state`, which the sequence's thread and requests change
-        self._ending = threading.Event()  # set: the sequence and its run end at once
-        self._last = threading.Event()  # set: no further run starts, and the rest between runs ends
+        self._telling = threading.Lock()  # guards `state`, which the sequence's thread and requests change
+        self._ending = threading.Event()  # set: sequence and current run end at once
+        self._last = threading.Event()  # set: no further run starts, and a rest ends
         self._thread: threading.Thread | None = None
         self.state: dict[str, Any] = {
             "phase": "idle",
@@ -88,10 +93,10 @@ class Sequencer:
         hub.greetings.append(self._greet)
 
     def steps(self, asked: RunSequence) -> list[QueuedRun]:
-        """Return every run of a sequence, checked as if it started now; nothing is put out.
+        """Return all runs of a sequence in order, each checked without an output.
 
         Raises:
-            ValueError, RigError: one of them cannot be recorded; the message names it.
+            ValueError, RigError: a run cannot be recorded; the message starts with its title.
         """
         found: list[QueuedRun] = []
         for item in asked.items:
@@ -125,9 +130,9 @@ class Sequencer:
         return QueuedRun(content, title, seconds, rest)
 
     def start(self, asked: RunSequence) -> int:
-        """Start the sequence in a thread; return its number of runs.
+        """Start a sequence in a thread; return its number of runs.
 
-        Raises as `steps`, and RigError while a run or a sequence is active.
+        Raises the errors of `steps`, and RigError while a run or a sequence is active.
         """
         steps = self.steps(asked)
         with self._lock:
@@ -142,14 +147,14 @@ class Sequencer:
         return len(steps)
 
     def end_after(self) -> None:
-        """End the sequence after the current run; at once between two runs."""
+        """End the sequence after the current run, or at once during a rest."""
         with self._telling:
             if self.state["phase"] == "running":
                 self._change(said="ends after this run")
                 self._last.set()
 
     def join(self) -> None:
-        """End the sequence and wait for its thread."""
+        """End the sequence at once and wait for its thread; the caller stops the run."""
         self._end()
         if self._thread is not None:
             self._thread.join()
@@ -172,7 +177,10 @@ class Sequencer:
             self._tell(phase=phase, said=said, left=None)
 
     def _all(self, steps: list[QueuedRun], asked: RunSequence) -> tuple[str, str]:
-        """Run all steps; return the final phase ("done" or "ended") and a message."""
+        """Run all runs in order; return the final phase and a message for the page.
+
+        The phase is "done", or "ended" if the sequence ended before its last run.
+        """
         overhead, failed = _OVERHEAD, 0
         for i, step in enumerate(steps):
             if self._last.is_set():
@@ -192,9 +200,10 @@ class Sequencer:
         return "done", f"{len(steps)} runs" + (f", {failed} of them failed" if failed else "")
 
     def _one(self, step: QueuedRun, i: int, count: int, asked: RunSequence) -> str:
-        """Run a step, after the walk home if the sequence asks for it.
+        """Make a run, after the walk to position 0 if the sequence requests it; return its final phase.
 
-        `i` is the step's index of `count`. Returns the run's final phase, "done", "stopped" or "failed".
+        The phase is "done", "stopped" or "failed". A run that cannot start counts as failed, with a notice to
+        all pages. The run is number `i` (from 0) of `count`.
         """
         try:
             if asked.home_first and abs(self._runner.position) > 0.0:
@@ -214,7 +223,8 @@ class Sequencer:
         if self._ending.is_set():
             return "stopped"
         begin()
-        if self._ending.is_set():  # a stop between two runs also stops the next one
+        if self._ending.is_set():
+            # The sequence was ended while the run was starting.
             self._runner.stop("stop")
         self._runner.join(_ENDS)
         return str(self._runner.state["phase"])
@@ -232,12 +242,12 @@ class Sequencer:
 
 
 def _left(steps: list[QueuedRun], overhead: float) -> float:
-    """Return the time [s] that runs will take, with rests between them and `overhead` [s] for each run."""
+    """Return the expected time of runs [s], with the rests between them and `overhead` [s] for each run."""
     return sum(one.seconds + overhead for one in steps) + sum(one.rest for one in steps[:-1])
 
 
 def sequence_routes(control: Control, sequencer: Sequencer) -> APIRouter:
-    """Return the routes that check, start and end a sequence of runs."""
+    """Return the router with the routes that check, start and end a sequence, below "/sequence"."""
     routes = APIRouter(prefix="/sequence")
 
     @routes.post("/check")

@@ -1,4 +1,4 @@
-"""The panel's server: the page's files, the routes of its pages, one stream."""
+"""The panel's server: the page's files, the routes of all pages, and the stream of messages."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ from .stream import Client, Hub
 from .studies import Studies, study_routes
 
 STATIC = Path(__file__).parent / "static"
-# Modules that the process for reading files imports at its start, as it calls their functions for pages. The
-# import takes 1.5 s of computing.
+# Modules that the process for reading files imports when it starts, because it runs their functions. The
+# imports take 1.5 s of computing, which the first answer would have to wait for.
 READ_BY = (
     "stickslip.recording.readers.reading",
     "stickslip.history.describing",
@@ -66,15 +66,15 @@ READ_BY = (
     "stickslip.study.picture",
     "stickslip.jobs.analysis.fit_parameters",
 )
-_IDLE = 600  # s between garbage collections while nothing runs
+_IDLE = 600  # time between garbage collections while no run is active, s
 
 
-# Comment lines of a script of the page.
+# Pattern of comment lines in a script of the page.
 _COMMENT = re.compile(rb"^[ \t]*(?://.*|/\*\*.*\*/)\n", re.MULTILINE)
 
 
 class _Static(StaticFiles):
-    """Server of the page's files; comment lines of scripts are removed, which saves 5 % of the bytes sent."""
+    """Server of the page's files, without the comment lines of its scripts: 5 % fewer bytes are sent."""
 
     async def get_response(self, path: str, scope: MutableMapping[str, Any]) -> Response:
         """Return the response with a file, or the response (304) that it has not changed."""
@@ -87,7 +87,7 @@ class _Static(StaticFiles):
 
 
 class Text(Strict):
-    """Request with a text that was typed into a field with a unit."""
+    """Request for the value of a `text` that was typed into a field with the SI unit `unit`."""
 
     text: str
     unit: str = ""
@@ -102,15 +102,17 @@ def create_app(
     any_address: bool = False,
     largest_body: int = LARGEST_BODY,
 ) -> FastAPI:
-    """Return the panel's application for a folder.
+    """Return the panel's application for a folder; the caller serves it.
+
+    Samples of runs that were killed are first turned into recordings.
 
     Args:
-        folder: recordings and experiment files are read from it and written to it, and nowhere else.
-        token: token of the role "maintain". Without any token everybody has that role: for the loopback
-            address only.
-        tokens: the role of each further token, see `roles`.
+        folder: the panel's folder: all files are read from it and written to it, and nowhere else.
+        token: token of the role "maintain". Without any token everybody has that role; the server must then
+            be reachable from this machine only.
+        tokens: role of each further token, see `roles`.
         hosts, any_address: see `guard.Guard`.
-        largest_body: most bytes of a request.
+        largest_body: largest size of a request, bytes.
     """
     files = Folder(folder)
     hub = _greeting()
@@ -147,8 +149,8 @@ def create_app(
     @asynccontextmanager
     async def life(app: FastAPI) -> AsyncIterator[None]:
         beating = asyncio.create_task(beat())
-        # Longest time [s] for which a computing thread blocks the others. Python's default of 5 ms is a third
-        # of a video frame.
+        # Longest time for which a thread computes before others may run, s. Python's default, 5 ms, is a
+        # third of a video frame.
         sys.setswitchinterval(1e-3)
         _start_processes(hub, runner, read)
         interlocks.watch()
@@ -197,10 +199,10 @@ def create_app(
 
 
 def _greeting() -> Hub:
-    """Return a new stream of messages, whose first one gives a page its public name and its role.
+    """Return the stream of messages, whose first message to a page has the page's public name and role.
 
-    That message also has an id of this start of the server, by which a page that connects again notices that
-    the server was restarted.
+    Its key "boot" is random at each start of the server, so that a page that connects again notices a
+    restart.
     """
     hub, boot = Hub(), secrets.token_hex(8)
 
@@ -213,7 +215,7 @@ def _greeting() -> Hub:
 
 
 def _start_processes(hub: Hub, runner: Runner, read: Reader) -> None:
-    """Start the process that reads files, and, when the first page connects, the rig's process."""
+    """Start the process that reads files; when the first page connects, start the rig's process."""
     first = threading.Lock()
 
     def rig() -> None:
@@ -229,7 +231,7 @@ def _start_processes(hub: Hub, runner: Runner, read: Reader) -> None:
 
 
 def _page_routes(app: FastAPI, hub: Hub) -> None:
-    """Add the routes of every page: its files, the stream, the value of a typed quantity."""
+    """Add the routes of every page: page and files, stream of messages, and value of a typed quantity."""
 
     @app.websocket("/stream")
     async def stream(socket: WebSocket) -> None:
@@ -247,7 +249,11 @@ def _page_routes(app: FastAPI, hub: Hub) -> None:
 
 
 def _explain_errors(app: FastAPI, folder: Folder) -> None:
-    """Answer every error with one line, {"error": ...}, without paths of this machine."""
+    """Answer every error with {"error": sentence}, without this machine's paths.
+
+    The status is 400 for a wrong request or a refusal, 500 for an unexpected error, or that of an
+    HTTPException.
+    """
 
     def answer(status: int, text: str) -> JSONResponse:
         return JSONResponse({"error": folder.told(" ".join(text.split()))}, status)

@@ -1,4 +1,4 @@
-"""Parameter sets that the pages offer: the package's, and sets saved in the panel's folder."""
+"""Parameter sets that the pages offer: those of the package, and those saved in the panel's folder."""
 
 from __future__ import annotations
 
@@ -13,20 +13,23 @@ from ..quantities.registry import nothing_run
 from ..quantities.units import QuantityError
 from .folder import Folder, FolderError
 
-MOST = 50  # most saved sets that are offered, the newest ones
+MOST = 50  # largest number of saved sets on offer, the newest ones
 
 
 class Sets:
-    """Parameter sets by name: the package's, and those saved in a folder.
+    """Parameter sets by name: those of the package, and those saved in a folder (None: no folder).
 
-    A saved set has the name of its file, "parameters/NAME.toml".
+    The name of a saved set is that of its file, "parameters/NAME.toml".
     """
 
     def __init__(self, folder: Folder | None = None) -> None:
         self._folder = folder
 
     def offered(self) -> dict[str, tuple[str, Actuator]]:
-        """Return title and actuator of each set, by name; files that cannot be read are left out."""
+        """Return title and actuator of each set by name: the package's, and the newest `MOST` saved ones.
+
+        Files that cannot be read are left out.
+        """
         found = {name: _published(name) for name in available_sets() if load_set(name).kind == "actuator"}
         for name in self._saved():
             try:
@@ -36,7 +39,9 @@ class Sets:
         return found
 
     def actuator(self, name: str) -> Actuator:
-        """Return the actuator of a set. It is read only once: reading takes longer than simulating.
+        """Return the actuator of a set, from memory if its file has not changed.
+
+        Reading a set takes longer than simulating its actuator.
 
         Raises:
             QuantityError: the set does not exist, or cannot be read.
@@ -74,7 +79,7 @@ def _published(name: str) -> tuple[str, Actuator]:
 
 @lru_cache(maxsize=2 * MOST)
 def _of_file(path: Path, changed: tuple[int, int]) -> tuple[str, Actuator]:
-    del changed  # only a part of the cache's key: a changed file is read again
+    del changed  # a part of the cache's key only: a changed file is read again
     return load_set(os.fspath(path)).title, load_actuator(path)
 
 

@@ -1,4 +1,4 @@
-"""Slow answers to pages, computed once for all pages that ask at the same time."""
+"""Sharing of slow answers: computed once for all pages that ask at the same time."""
 
 from __future__ import annotations
 
@@ -6,25 +6,28 @@ import threading
 from collections.abc import Callable, Hashable
 from typing import Any
 
-_KEPT = 8  # number of answers to different questions that are kept
+_KEPT = 8  # largest number of answers that are kept, of different questions
 
 
 class Shared:
-    """Cache that computes one answer at a time. A caller that had to wait gets the answer of another caller
-    if its computation started after the request.
+    """Cache of answers that computes one answer at a time.
 
-    Many pages ask at the same time, and many threads that scan a folder would block all other requests.
+    A caller that has to wait gets another caller's answer to the same question, if its computation started
+    after the call; the answer is then not outdated. Without this, many pages that ask at the same time would
+    block all other requests.
     """
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
-        self._begun = 0  # number of computations started so far, for all questions
-        # Number of the computation and its answer, by question; the answer used last is the last entry.
+        self._begun = 0  # number of computations started so far
+        # Number of the computation and its answer, by question. The answer used last is the last entry.
         self._answers: dict[Hashable, tuple[int, Any]] = {}
 
     def __call__(self, question: Hashable, make: Callable[[], Any]) -> Any:
-        """Return the answer to a question (any key), computed by the function `make` or shared with other
-        callers, who must not modify it."""
+        """Return the answer to a question, computed by `make` or by another caller during this call.
+
+        Callers must not modify it. `question` is any key that identifies the question; `make` takes nothing.
+        """
         before = self._begun
         with self.lock:
             number, answer = self._answers.pop(question, (0, None))

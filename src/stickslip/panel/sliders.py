@@ -1,8 +1,8 @@
-"""Fields of the Explore page: each with its unit, meaning and slider range.
+"""Fields of the Explore page: unit, meaning and slider range of each.
 
-Units, symbols, meanings and allowed values come from the records. Only the slider ranges are chosen here,
-from typical actuators; a typed value may lie outside of them. Rotary actuators have the ranges of linear ones
-at a radius of `ARM`.
+Units, symbols, meanings and allowed values are those of the records. The slider ranges are chosen here, as
+for typical actuators; a typed value may be outside. Rotary actuators have the ranges of linear ones,
+converted with the radius `ARM`.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ from .sets import PACKAGE, Sets
 
 
 class Slider(NamedTuple):
-    """Range of a slider, in SI units.
+    """Range of a slider, from `low` to `high` in SI units.
 
-    On a logarithmic slider the left end means 0 if `zero` is set, and the right end ∞ if `infinite` is set.
+    On a logarithmic slider the left end means 0 if `zero` is True, and the right end infinity if `infinite`
+    is True.
     """
 
     low: float
@@ -78,7 +79,7 @@ _WAVEFORM = {
     "duration": Slider(1e-3, 10.0),
 }
 DURATION = Slider(1e-2, 10.0)
-# Slider range by unit, for fields of a user's own law or waveform.
+# Slider ranges for fields of a user's own law or waveform, by unit.
 _BY_UNIT = {
     "V": Slider(0.0, 150.0, "linear"),
     "V/s": Slider(1.0, 1e5),
@@ -91,22 +92,23 @@ _BY_UNIT = {
     "m": Slider(1e-9, 1e-4, zero=True),
     "m/s": Slider(1e-6, 1.0),
 }
-# Units of the page's own quantities, for linear actuators.
+# Units of linear actuators for quantities that the page itself shows.
 _UNITS = {"position": "m", "speed": "m/s", "force": "N"}
-ARM = 0.01  # m, radius at which values of linear actuators are converted for rotary ones
-# Power of the radius by which a value with a unit is multiplied for a rotary actuator: m -> rad, N -> N m.
+ARM = 0.01  # radius at which values of linear actuators are converted for rotary ones, m
+# Exponents of the radius in the conversion of a value to a rotary actuator, by unit: m becomes rad, N becomes
+# N m, kg becomes kg m².
 _POWERS = {"m": -1, "N": 1, "kg": 2}
-_STRIBECK_VELOCITY = 1e-3  # m/s, initial value for a contact without a Stribeck velocity
-_NO_SLIDERS = ("Constant", "Rest")  # waveforms without motion
-_ELEMENTS = ("stiffness", "strength")  # fields of several values, with one slider each
-# Fields that change in proportion to powers (exponents given) of other fields of the same law, so that the
-# law stays valid. As in fits, stiction keeps its ratio to sliding friction, and the elastic range keeps its
-# share of the presliding distance.
+_STRIBECK_VELOCITY = 1e-3  # in laws made for a contact, m/s
+_NO_SLIDERS = ("Constant", "Rest")  # waveforms without a change of the voltage
+_ELEMENTS = ("stiffness", "strength")  # fields of a law with several values; each value has a slider
+# Fields of a law that change together with other fields of the same law, in proportion to the powers given
+# here, so that the law stays valid. As in fits, stiction keeps its ratio to sliding friction, and the
+# breakaway deflection keeps its ratio to the presliding distance.
 TIED = {
     "stiction_force": {"coulomb_force": 1},
     "breakaway_deflection": {"coulomb_force": 1, "sigma_0": -1},
 }
-# Initial values of a waveform's fields, SI.
+# Initial values of waveforms' fields by name, SI.
 _BEGIN = {
     "amplitude": 65.0,
     "frequency": 5.0,
@@ -120,7 +122,8 @@ _BEGIN = {
 
 
 def shapes() -> dict[str, Any]:
-    """Return the waveforms that have sliders, by name."""
+    """Return the classes of the waveforms that the page offers, by name; every required field has a
+    slider."""
     return {
         name: one
         for name, one in registry.waveforms.all()
@@ -133,12 +136,12 @@ def _required(shape: Any) -> set[str]:
 
 
 def _fields_of(shape: Any) -> list[str]:
-    """Return the fields of a waveform that have a slider: single numbers, except the number of periods."""
+    """Return the names of a waveform's fields with a slider: single numbers, except the number of periods."""
     return [f for f in quantities(shape) if f != "periods" and f not in sequences(shape)]
 
 
 def law_types() -> dict[str, Any]:
-    """Return the friction laws that have sliders, by name."""
+    """Return the classes of the friction laws that the page offers, by name; every field has a slider."""
     return {
         name: law
         for name, law in registry.laws.all()
@@ -147,9 +150,10 @@ def law_types() -> dict[str, Any]:
 
 
 def sized(value: float, unit: str, rotary: bool) -> float:
-    """Return a value of a linear actuator, or for `rotary` its counterpart at the radius `ARM`.
+    """Return the value of a rotary actuator that has the effect of a linear actuator's at the radius `ARM`.
 
-    `unit` is the linear actuator's SI unit, such as "N s/m".
+    `value` is in `unit`, a linear actuator's SI unit such as "N s/m". It is returned unchanged unless
+    `rotary`.
     """
     over, _, under = unit.partition("/")
     power = sum(_POWERS.get(one, 0) for one in over.split()) - sum(
@@ -174,7 +178,10 @@ def _middle(slider: Slider) -> float:
 
 
 def _around(quantity: Quantity, value: float) -> Slider:
-    """Return a range around a value of unknown scale: a decade either way, within the quantity's limits."""
+    """Return a slider range around a value of unknown scale: from a tenth to ten times the value.
+
+    The limits of the quantity cut it. A value of 0 or less gives a linear range up to 1.
+    """
     if value > 0.0:
         low = max(0.1 * value, quantity.minimum or quantity.above or 0.0)
         most = [end for end in (10.0 * value, quantity.maximum, quantity.below) if end is not None]
@@ -183,20 +190,23 @@ def _around(quantity: Quantity, value: float) -> Slider:
 
 
 def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
-    """Return everything that the page offers, in JSON types (infinity is "inf").
+    """Return all choices of the page, in JSON types (infinity is "inf").
 
     Keys:
 
-    - "sets": title, unit of position, model, own sliders "piezo", law, values of each law for the contact;
-    - "by_unit": see `_kind`;
-    - "shapes": fields of each waveform, and "start", their initial values;
+    - "sets": for each parameter set its title, unit of positions, "model" (values of the actuator's fields)
+      and "law" (name of its friction law). "friction" has the values of every law for the same contact.
+      "piezo" has the sliders of a hysteresis model without play operators;
+    - "by_unit": for "m" and "rad" (linear and rotary actuators), see `_kind`;
+    - "shapes": fields of each waveform, and "start": their initial values;
     - "tied": see `TIED`;
-    - "duration": a field.
+    - "duration": the field for the duration of the simulation.
     """
     sets, known, drives = {}, law_types(), shapes()
     for name, (title, actuator) in offered.offered().items():
         law = type(actuator.friction).__name__
-        if law not in known:  # a user's own law without sliders
+        # A user's own law without sliders cannot be shown.
+        if law not in known:
             continue
         laws = laws_like(actuator.friction, known, actuator.rotary)
         laws[law] = actuator.friction
@@ -219,7 +229,8 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
         name: {f: _middle(slider) for f, slider in ranges[name].items()} | shape._field_defaults | _BEGIN
         for name, shape in drives.items()
     }
-    for swinging in ("Sine", "Chirp"):  # an offset in the middle of a piezo stack's voltage range
+    # Their offset is in the middle of a piezo stack's voltage range, because they also swing below it.
+    for swinging in ("Sine", "Chirp"):
         start[swinging] |= {"offset": 75.0}
     return {
         "sets": sets,
@@ -246,12 +257,15 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
 
 
 def _model(rotary: bool) -> dict[str, Slider]:
-    """Return the sliders of an actuator; rotary ones have no incline."""
+    """Return the sliders of an actuator's fields by name; a rotary actuator has no incline."""
     return {field: slider for field, slider in _MODEL.items() if not (rotary and field == "incline")}
 
 
 def _kind(known: dict[str, Any], rotary: bool) -> dict[str, Any]:
-    """Return units (see `_UNITS`) and fields of model and laws, for linear or rotary actuators."""
+    """Return "units" of the page's quantities, and the fields of "model" and of each law in "laws".
+
+    All are for linear, or for rotary actuators. `known` are the classes of the laws by name.
+    """
     return {
         "units": {name: ANGLE.unit(unit) if rotary else unit for name, unit in _UNITS.items()},
         "model": [
@@ -268,12 +282,12 @@ def _kind(known: dict[str, Any], rotary: bool) -> dict[str, Any]:
 
 
 def settings(starts: Any, names: Sequence[str], along: Coordinate) -> list[dict[str, Any]]:
-    """Return the page's fields for some fields of a record.
+    """Return some fields of a record as the page's fields: "name", "unit", "meaning", initial value "starts".
 
     Args:
-        starts: record with the initial values.
-        names: names of its fields.
-        along: linear or rotary coordinate, for the units.
+        starts: record of a linear actuator with the initial values, which are converted for rotary ones.
+        names: names of the record's fields.
+        along: `LENGTH` for linear, `ANGLE` for rotary actuators.
     """
     known = quantities(type(starts))
     return [
@@ -288,9 +302,14 @@ def settings(starts: Any, names: Sequence[str], along: Coordinate) -> list[dict[
 
 
 def laws_like(law: Any, known: dict[str, Any], rotary: bool = False) -> dict[str, Any]:
-    """Return a law of each known type, by name, with parameters for the same contact as `law`.
+    """Return a law of each known type, by name, with parameters of the same contact as `law`.
 
-    A type that does not accept the values found for it is left out.
+    A type is left out if it does not accept the values found for it.
+
+    Args:
+        law: friction law of the contact.
+        known: classes of the laws, by name.
+        rotary: True for a rotary actuator.
     """
     contact = law
     if not isinstance(law, LuGre):
@@ -302,15 +321,16 @@ def laws_like(law: Any, known: dict[str, Any], rotary: bool = False) -> dict[str
     found = {type(one).__name__: one for one in examples.values()}
     for name, kind in known.items():
         if name not in found:
-            with suppress(QuantityError, TypeError):  # the middle values of its sliders may be invalid
+            with suppress(QuantityError, TypeError):  # a user's own law may refuse these values
                 found[name] = kind(**_values_like(kind, contact, rotary))
     return found
 
 
 def _values_like(kind: Any, contact: LuGre, rotary: bool) -> dict[str, Any]:
-    """Return values for the fields of a user's own law `kind`.
+    """Return values for the fields of a user's own law with the class `kind`, by name.
 
-    They are those of the contact's LuGre law if it has the field, else the default, else the slider's middle.
+    A value is that of the field of the same name in `contact`, else the field's default, else the middle of
+    its slider.
     """
     shared = {f: value for f, value in contact._asdict().items() if f in kind._fields}
     return {
@@ -320,7 +340,7 @@ def _values_like(kind: Any, contact: LuGre, rotary: bool) -> dict[str, Any]:
 
 
 def values_of(law: Any) -> dict[str, Any]:
-    """Return the values of a law by the name of their slider; elements are "stiffness_1" and so on."""
+    """Return the values of a law by name of their slider: "stiffness_1" for the first of several elements."""
     found = {}
     for field, value in law._asdict().items():
         if isinstance(value, tuple):
@@ -331,7 +351,7 @@ def values_of(law: Any) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """Return the value in a JSON type: infinity becomes the text "inf"."""
+    """Return the value in a JSON type: infinity becomes "inf", other values are returned unchanged."""
     return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
@@ -347,9 +367,10 @@ def _described(record: Any, field: str, slider: Slider, rotary: bool = False) ->
 
 
 def shown(field: str, quantity: Quantity, slider: Slider, rotary: bool = False) -> dict[str, Any]:
-    """Return name, unit, symbol, meaning and slider range of a field, in the form that pages read.
+    """Return a field as pages read it, a dictionary with "name", "unit", "symbol", "meaning" and its slider.
 
-    `quantity` and `slider` are those of a linear actuator; for `rotary` they are converted.
+    The fields of the slider are "low", "high", "scale", "zero" and "infinite". `quantity` and `slider` are
+    for linear actuators; for `rotary` units and range are converted.
     """
     ends = {name: sized(getattr(slider, name), quantity.unit, rotary) for name in ("low", "high")}
     return {

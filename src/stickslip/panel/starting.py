@@ -1,4 +1,4 @@
-"""Start of runs: the experiment on the bench, with a folder for its recordings, and the walk home."""
+"""Start of jobs: an experiment, with a folder for its recordings, and the walk home."""
 
 from __future__ import annotations
 
@@ -35,12 +35,13 @@ from .path import predicted_of
 from .running import Arrived, BenchJob, Runner
 from .stream import Hub
 
-_HOMING = 10.0  # s, longest walk home
-_LONGEST_NOTE = 2000  # characters of a note that are kept
+_HOMING = 10.0  # longest walk home, s
+_LONGEST_NOTE = 2000  # length to which a note is shortened, characters
 
 
 class Starter:
-    """Starts runs; adds notes that users write during a run to its recordings."""
+    """Starts experiments and the walk home, and adds notes that users write during a run to its
+    recordings."""
 
     def __init__(
         self,
@@ -53,7 +54,7 @@ class Starter:
     ) -> None:
         self._folder, self._hub, self._journal, self._read = folder, hub, journal, read
         self._document, self._runner = document, runner
-        self.queued = False  # True while a sequence decides what runs next
+        self.queued = False  # True while a sequence is active, which alone may start runs
         self._notes: list[str] = []
         self._out: Path | None = None
         self._lock = threading.Lock()
@@ -61,16 +62,18 @@ class Starter:
     def start(
         self, content: dict[str, Any], title: str, slug: str, ended: Callable[[], None] | None = None
     ) -> str:
-        """Start all runs of an experiment; return the name of the folder of its recordings.
+        """Start a job that records all runs of an experiment; return the name of its folder.
+
+        This folder is for the recordings; the experiment file is saved in it, too.
 
         Args:
             content: content of the experiment file.
             title: title of the job, for pages and the log.
             slug: end of the folder's name.
-            ended: called after the last run, if given.
+            ended: called without arguments after the last run, if given.
 
         Raises:
-            ValueError, RigError: it cannot be recorded, or a run is active.
+            ValueError, RigError: the experiment cannot be recorded, or a job is active.
         """
         if self._runner.busy:
             raise RigError("a run is going on: stop it first")
@@ -94,25 +97,27 @@ class Starter:
             with self._lock:
                 self._runner.start(job)
                 self._out, self._notes = out, []
-        except RigError:  # another start came first
+        except RigError:  # another job was started in the meantime
             (out / "experiment.yaml").unlink()
             out.rmdir()
             raise
         return self._folder.name(out)
 
     def need_free(self) -> None:
-        """Raise RigError while a sequence decides what runs next."""
+        """Raise RigError while a sequence is active, because only the sequence may then start runs."""
         if self.queued:
             raise RigError("a sequence is going on: stop it, or let it end")
 
     def home(self) -> None:
-        """Start the walk of the end-effector to position 0."""
+        """Start the walk of the end-effector to position 0; raises the errors of `homing` and
+        `Runner.start`."""
         self._runner.start(homing(self._folder, self._document, self._runner.position))
 
     def note(self, text: str) -> str:
-        """Add a user's note to the recordings of the current or last run, with the time.
+        """Add a user's note to the recordings of the current or last run, and to the log.
 
-        During a run it is kept until the run's end. Returns the name of the run's folder, "" without a run.
+        The note gets the time of day. During a run it is added at the run's end. The result is the name of
+        the run's folder, "" if there was no run. Raises QuantityError for an empty note.
         """
         text = " ".join(text.split())[:_LONGEST_NOTE]
         if not text:
@@ -147,11 +152,14 @@ class Starter:
 
 
 def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
-    """Return the experiment's content with the number of its first virtual run, and count its runs.
+    """Return an experiment with the number of its first virtual run, and count its runs.
 
-    The number seeds the random variation, so no virtual run repeats an earlier one, as on a real rig. The
-    count of all runs is kept in a file below `root`, the panel's folder, and stays correct if recordings are
-    deleted. The content of another rig is returned unchanged.
+    The number is the key "first_run" of "rig". It seeds the random variation, so that no virtual run repeats
+    an earlier one. The number of all runs is kept in the file .rig/runs of the panel's folder `root`; deleted
+    recordings do not change it. An experiment on a real rig is returned unchanged.
+
+    Raises:
+        QuantityError: the file does not contain a number.
     """
     rig = content.get("rig", {})
     if rig.get("kind", "virtual") != "virtual":
@@ -159,7 +167,7 @@ def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
     kept = root / ".rig" / "runs"
     try:
         before = int(kept.read_text(encoding="ascii"))
-    except FileNotFoundError:  # a folder from a version without this file
+    except FileNotFoundError:  # an earlier version did not write this file
         before = len(list(root.glob("recordings/*")))
     except (OSError, ValueError):
         before = -1
@@ -175,7 +183,10 @@ def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
 
 
 def _recordings(content: dict[str, Any]) -> int:
-    """Return the number of single runs of the rig that an experiment needs, repeats and averages included."""
+    """Return the number of runs of the rig that an experiment needs, with repeats and averages.
+
+    `content` is the content of the experiment file. An averaged recording needs several runs.
+    """
     runs = check_experiment(content).runs
     return sum(
         run.repeats * int(run.capture.average) * math.prod(map(len, run.matrix.values())) for run in runs
@@ -183,9 +194,10 @@ def _recordings(content: dict[str, Any]) -> int:
 
 
 def new_folder(folder: Folder, slug: str) -> Path:
-    """Create the folder "recordings/DATE_TIME_SLUG" for a run, and return its path.
+    """Create the folder "recordings/DATE_TIME_SLUG" in the panel's folder, and return its path.
 
-    A number is appended if several runs start within the same second.
+    `slug` is the end of its name. A number is appended if the name exists, as for two runs in the same
+    second.
     """
     stamp = datetime.now().strftime("%Y-%m-%d_%H%M%S")
     for number in itertools.count(1):
@@ -204,9 +216,18 @@ def _slug(text: str) -> str:
 
 
 def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob:
-    """Return a job that walks until the end-effector is at position 0 while the drive is near 0 V.
+    """Return the job of the walk home: steps until the end-effector is at position 0, near 0 V.
 
-    `position` is the last measured position from home [m, rad]. Its sign gives the direction.
+    The position counts while the drive is near 0 V. The walk uses the variables forward_voltage,
+    reverse_voltage and frequency of the experiment.
+
+    Args:
+        folder: the panel's folder.
+        document: experiment on the bench.
+        position: last measured position from home [m, or rad]; its sign gives the direction.
+
+    Raises:
+        QuantityError: the experiment lacks one of these variables, or a channel for the position.
     """
     content, file, _, units, *_ = document.checked
     walk = {"forward_voltage", "reverse_voltage", "frequency"}
@@ -234,8 +255,8 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob
             )
 
     shown = document.described()["channels"]
-    # From beyond a position limit the rig must be able to walk back, so the limit is widened to the present
-    # position plus one stroke of the piezo.
+    # If the position is beyond a limit, the rig must be able to walk back. The limit is therefore moved to
+    # the present position plus one stroke of the piezo.
     cell = document.checked.cells[0]
     stroke = abs(position) + abs(cell.actuator.gain) * max(cell.limits.max_voltage, -cell.limits.min_voltage)
     limits = dict(content.get("limits", {}))
@@ -243,6 +264,6 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob
         if limits.get(name) is not None and sign * position > 0.0:
             limits[name] = sign * max(sign * to_si(limits[name], unit, name), stroke)
     made = check_experiment({**content, "runs": [run], "save_as": [], "limits": limits})
-    out = folder.root / ".rig" / "home"  # this recording is deleted
+    out = folder.root / ".rig" / "home"  # deleted after the walk
     remove = partial(shutil.rmtree, out, ignore_errors=True)
     return BenchJob("Home", made, folder.root, out, shown, goal=goal, finished=remove)

@@ -1,4 +1,4 @@
-"""Live statistics of a run: rms and range of each channel, step and its drift; and their alarms."""
+"""Live statistics of a run: rms and range of each channel, steps and their drift; and alarms on them."""
 
 from __future__ import annotations
 
@@ -26,19 +26,20 @@ from .control import Control
 from .journal import Journal
 from .stream import Client, Hub
 
-PAUSE = 0.2  # s between two messages
-STEPS = 50  # number of the last steps over which mean step and drift are computed
-# Growth factor of the drive's peak-to-peak voltage at which a new search for steps starts, as the voltage's
-# middle has moved.
+PAUSE = 0.2  # shortest time between two messages with statistics, s
+STEPS = 50  # number of last steps over which mean step and drift are computed
+# Growth of the drive's peak-to-peak voltage, as a factor, at which the search for steps starts again. The
+# middle has then moved, and earlier rises through it had another phase.
 _GROWN = 1.05
-_LEAST_SWING = 1.0  # V, smallest peak-to-peak voltage of a drive that makes steps
-ALARMS = ".stickslip/alarms.json"  # file of the alarms in the panel's folder
+_LEAST_SWING = 1.0  # smallest peak-to-peak voltage with which steps are counted, V
+ALARMS = ".stickslip/alarms.json"  # file in the panel's folder that keeps the alarms
 
 
 class Alarm(Strict):
-    """Request for an alarm: the name of a statistic and its limits, texts with units or None.
+    """Request for an alarm on a statistic, given by its name, such as "mean step".
 
-    With `stop` the alarm also stops the run.
+    `low` and `high` are the limits, in SI or as texts with units; None: no limit. With `stop` the alarm also
+    stops the run.
     """
 
     statistic: str = Field(max_length=80)
@@ -48,17 +49,19 @@ class Alarm(Strict):
 
 
 class Alarms(Strict):
-    """Request with the list of all alarms."""
+    """Request with the list of all alarms, which replaces the previous list."""
 
     alarms: list[Alarm] = Field(max_length=40)
 
 
 class Statistics:
-    """Statistics of the current or last run.
+    """Statistics of the current or last run, and alarms on them.
 
-    A step is the displacement between two instants at which the drive rises through the middle of its swing:
-    the phase is the same, so elastic deflection does not count. The drift is the slope of a straight line
-    through the last steps, per step. Positions and steps are in the unit of the position channel.
+    A step is the displacement between two successive times at which the drive rises through the middle of its
+    range. The drive has the same phase at both, so elastic deflection does not count. The drift is the slope
+    of a straight line through the last `STEPS` steps over their number. `values` has for each statistic by
+    name its label, value and unit, and "alarm", True if an alarm's limit is exceeded. Positions and steps are
+    in m, or rad.
     """
 
     def __init__(self, hub: Hub, journal: Journal, folder: Path) -> None:
@@ -84,15 +87,23 @@ class Statistics:
             self._sums = {one["name"]: np.zeros(3) for one in columns}
             self._ends = {one["name"]: [math.inf, -math.inf] for one in columns}
             self._low, self._high = math.inf, -math.inf
-            self._swing = 0.0  # peak-to-peak voltage of the drive for which the middle is valid
-            self._above = True  # True until the drive was below the middle: no rise yet
+            self._swing = 0.0  # peak-to-peak voltage when the search for steps started, V
+            self._above = True  # the first rise counts only after the drive was below the middle
             self._at: float | None = None
             self._steps: deque[float] = deque(maxlen=STEPS)
             self._count = 0
             self._raised, self._next = set(), 0.0
 
     def add(self, block: Mapping[str, NDArray[np.float64]], position: float) -> str:
-        """Add samples and the position from home; return why the run must stop, "" to continue."""
+        """Add samples of a run to the statistics; at most every `PAUSE` seconds send them to the pages.
+
+        Args:
+            block: next samples of each channel [n], by name.
+            position: position from home, m or rad.
+
+        Returns:
+            The reason why an alarm stops the run, "" to continue.
+        """
         with self._lock:
             for name, values in block.items():
                 if values.size and name in self._sums:
@@ -108,16 +119,17 @@ class Statistics:
             return self._tell(position)
 
     def end(self, position: float) -> None:
-        """Send the final statistics of a run to the pages."""
+        """Send the final statistics of a run to the pages; `position` is the last position from home [m, or
+        rad]."""
         with self._lock:
             if self._columns:
                 self._tell(position)
 
     def _walk(self, volts: NDArray[np.float64], at: NDArray[np.float64]) -> None:
-        """Find steps in the next samples of drive voltage and position.
+        """Find steps in the next samples of the drive [V] and of the position [m, or rad], `at`.
 
-        The peak-to-peak voltage at a sample depends only on the samples up to it. The steps therefore do not
-        depend on how a run is cut into blocks.
+        The range of the drive at a sample depends on the samples up to it only. The steps therefore do not
+        depend on the blocks into which a run is cut.
         """
         low = np.fmin.accumulate(np.append(self._low, volts))[1:]
         high = np.fmax.accumulate(np.append(self._high, volts))[1:]
@@ -127,14 +139,18 @@ class Statistics:
         state = np.where(volts > middle, 1, np.where(volts < middle - margin, -1, 0))
         begin = int(np.searchsorted(swing, _LEAST_SWING))
         while begin < swing.size:
-            if swing[begin] > _GROWN * self._swing:  # earlier rises had another phase
+            if swing[begin] > _GROWN * self._swing:
                 self._swing, self._above, self._at = float(swing[begin]), True, None
             end = int(np.searchsorted(swing, _GROWN * self._swing, side="right"))
             self._rises(state[begin:end], at[begin:end])
             begin = end
 
     def _rises(self, state: NDArray[np.int_], at: NDArray[np.float64]) -> None:
-        """Add the steps between rises of the drive: `state` is 1 above the middle, -1 below it."""
+        """Append the steps between rises of the drive through the middle of its range.
+
+        `state` is 1 at samples above the middle, -1 at samples clearly below it, else 0. `at` is the position
+        at the samples.
+        """
         known = np.flatnonzero(state)
         turns = np.flatnonzero(np.diff(state[known], prepend=1 if self._above else -1))
         for i in known[turns]:
@@ -173,9 +189,9 @@ class Statistics:
         return why
 
     def _watch(self) -> str:
-        """Log each alarm whose statistic is beyond a limit, once in a run; return why the run must stop.
+        """Mark each statistic beyond a limit of its alarm; log it at its first time in the run.
 
-        "" if the run continues.
+        Returns the message of an alarm that stops the run, "" to continue.
         """
         stop = ""
         for alarm in self.alarms:
@@ -201,7 +217,10 @@ class Statistics:
         return stop
 
     def set_alarms(self, alarms: list[Alarm]) -> None:
-        """Replace and save the alarms; raises QuantityError for a wrong unit, or an alarm without limits."""
+        """Replace all alarms, and save them for the next start of the panel.
+
+        Raises QuantityError for a limit with a wrong unit, or an alarm without limits.
+        """
         for one in alarms:
             unit = self.values.get(one.statistic, {}).get("unit")
             for limit in (one.low, one.high):
@@ -235,12 +254,13 @@ def _value(label: str, value: float, unit: str) -> dict[str, Any]:
 
 
 def drive_channel(channels: Mapping[str, Any]) -> str:
-    """Return the channel of a cell that shows its drive, "" for none."""
+    """Return the name of the channel that shows the drive, "" for none; `channels` are those of a cell."""
     return next((name for name, one in channels.items() if one.input == DRIVE), "")
 
 
 def statistics_routes(control: Control, statistics: Statistics) -> APIRouter:
-    """Return the route that sets the alarms."""
+    """Return the router with the route that sets the alarms, "/statistics/alarms", for the page in
+    control."""
     routes = APIRouter(prefix="/statistics")
 
     @routes.post("/alarms")

@@ -1,7 +1,7 @@
-"""The page's only WebSocket: JSON in both directions, and blocks of float32 to the page.
+"""The page's only WebSocket: messages in JSON in both directions, and blocks of float32 to the page.
 
 A binary message is the length of its header (4 bytes, little endian), the header (JSON, padded with spaces to
-a multiple of 4), and the numbers. A message to all pages is encoded once.
+a multiple of 4 bytes), and the numbers. A message to all pages is encoded once.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from .packing import packed as packed
 from .roles import SAID_BY_ALL, enough
 
 Message = str | bytes
-# Most messages that wait for a page. A page that is further behind is disconnected; it connects again and
-# catches up.
+# Largest number of messages that wait for a page. A page that is further behind is disconnected; it connects
+# again and receives the present state.
 MOST_WAITING = 400
-MOST_CLIENTS = 200  # most pages that are connected at a time
-LONGEST_MESSAGE = 65536  # characters of a message from a page
+MOST_CLIENTS = 200  # largest number of pages connected at the same time
+LONGEST_MESSAGE = 65536  # largest length of a message from a page, characters
 
 
 class Client:
     """One connected page with its queue of messages.
 
-    `identity` is the page's secret, `name` its name for people; `waiting` ends with None if the page is too
-    slow (`lagging`).
+    `identity` is the page's secret, and `name` a name that the page gave itself. If too many messages wait,
+    `lagging` becomes True and `waiting` contains None alone, at which the page is disconnected.
     """
 
     def __init__(self, identity: str, name: str) -> None:
@@ -41,7 +41,10 @@ class Client:
         self.lagging = False
 
     def put(self, message: Message) -> None:
-        """Queue a message for the page; to be called in the event loop only."""
+        """Queue a message for the page; may be called in the event loop only.
+
+        If `MOST_WAITING` messages wait already, the page is disconnected instead.
+        """
         if self.waiting.qsize() >= MOST_WAITING:
             self.lagging = True
             while not self.waiting.empty():
@@ -52,16 +55,16 @@ class Client:
 
 
 class Hub:
-    """All connected pages, to which messages are sent.
+    """Stream of messages to and from all connected pages.
 
     Attributes:
         clients: the connected pages.
-        greetings: functions that return the first messages for a page, also when it asks for them again. They
-            get the page and its first message ({} if it asks again).
-        hears: handler of each kind of message from a page; it gets the page and the message.
-        changed: functions that are called when a page connects or leaves.
+        greetings: functions that return the first messages for a page. They take the page and its first
+            message; {} if the page asks for a new greeting.
+        hears: function for each kind of message from pages; it takes the page and the message.
+        changed: functions without arguments that are called when a page connects or leaves.
 
-    All these functions run in the event loop and must be fast.
+    All these functions run in the event loop, so they must return fast.
     """
 
     def __init__(self) -> None:
@@ -71,23 +74,24 @@ class Hub:
         self.changed: list[Callable[[], None]] = []
         self._loop: asyncio.AbstractEventLoop | None = None
         self._counting = threading.Lock()
-        self._under_way = 0  # messages that the event loop has not sent yet
+        self._under_way = 0  # number of messages not yet in the queues of the pages
 
     @property
     def behind(self) -> bool:
-        """Return True if the event loop has not sent the last message yet.
+        """Return True if the event loop has not yet passed on a message to the queues of the pages.
 
-        Messages that can be combined with the next one should wait then; otherwise a stop waits until all of
-        them are written to every page.
+        A message that can be combined with the next one should then wait, so that an urgent one, such as a
+        stop, is not delayed.
         """
         return self._under_way > 0
 
     def tell(self, kind: str, **fields: Any) -> None:
-        """Send a JSON message with its kind and fields to every page, from any thread."""
+        """Send a message to every page, from any thread, as a JSON object with "kind" and the `fields`."""
         self.send(json.dumps({"kind": kind, **fields}))
 
     def send(self, message: Message) -> None:
-        """Send a message, text or binary, to every page, from any thread; nothing before the first page."""
+        """Send a text or binary message to every page, from any thread. Without any page yet it is
+        discarded."""
         if self._loop is not None and not self._loop.is_closed():
             with self._counting:
                 self._under_way += 1
@@ -111,7 +115,8 @@ class Hub:
         except (TimeoutError, WebSocketDisconnect, KeyError):
             return
         client = Client(str(said.get("client", ""))[:64], str(said.get("name", ""))[:40])
-        # No await in between: a message is sent either in the greeting or after it, never twice.
+        # There is no await between the greeting and the registration, so every message reaches the page
+        # exactly once: in the greeting or after it.
         self._greet(client, said)
         self.clients.add(client)
         self._changed()
@@ -143,7 +148,8 @@ class Hub:
 
 
 def _said(text: str) -> dict[str, Any]:
-    """Return the message of a page; empty if it is not a JSON object or is too long."""
+    """Return the message in a text from a page; {} if it is not a JSON object, or longer than
+    `LONGEST_MESSAGE`."""
     if len(text) > LONGEST_MESSAGE:
         return {}
     try:
@@ -165,4 +171,4 @@ async def _write(socket: WebSocket, client: Client) -> None:
             else:
                 await socket.send_bytes(message)
     except (WebSocketDisconnect, RuntimeError):
-        return  # the page left; its reader ends too
+        return  # the page has left; the reading loop ends, too

@@ -1,7 +1,7 @@
-"""Routes of the Studies page: list, start, continue, stop and view the studies of the folder.
+"""Routes of the Studies page: list, start, continue, stop and show the studies of the folder.
 
-Each study runs in its own process with the command `stickslip study`. The panel reads stores in the process
-that can be ended, as it reads recordings. No file except the run's own study file is executed.
+Each study runs in a process of its own, with the command `stickslip study`. Stores (folders of results) are
+read in the process that reads files. Only the study file of a run may name Python files to execute.
 """
 
 from __future__ import annotations
@@ -38,30 +38,34 @@ from .journal import Journal
 from .packing import packed
 
 _KIND = re.compile(rb"^kind:\s*[\"']?study\b", re.MULTILINE)
-_LOOKED = 65_536  # bytes at the start of a file in which its kind is sought
-# A study counts as idle if no result came for 30 s and for the time of 10 tasks.
+_LOOKED = 65_536  # number of bytes at the start of a YAML file in which "kind: study" is searched
+# A study counts as idle if no result has come for QUIET seconds, and for as long as MISSED tasks take.
 QUIET, MISSED = 30.0, 10.0
-_TOLD = 2000  # bytes at the end of a run's output in which its last message is sought
+_TOLD = 2000  # number of last bytes of a run's output in which its last message is searched
 
 
 class Asked(Strict):
-    """Request that names a store (folder of results) of a study."""
+    """Request that names the store (folder of results) of a study."""
 
     name: str = Field(max_length=400)
 
 
 class StudyToRun(Strict):
-    """Request to run a study file, and the store to fill or continue; by default the file's name with
-    .zarr."""
+    """Request to run or continue a study: its file, and `name`, the store for its results.
+
+    By default the store has the file's name with the ending .zarr.
+    """
 
     file: str = Field(max_length=400)
     name: str = Field(default="", max_length=400)
 
 
 class Wanted(Asked):
-    """Request for a picture of a store: `statistic` of a `result` over one or two varied quantities.
+    """Request for a picture of a study: a statistic of a result over one or two varied quantities.
 
-    `across` is on the horizontal axis, `up` on the vertical one ("" for none).
+    `result` is the name of a number that the study computes for each member, and `statistic` combines members
+    ("median"). `across` and `up` are the varied quantities on the horizontal and vertical axis, `up` is ""
+    for a curve.
     """
 
     result: str
@@ -76,14 +80,18 @@ class _Run(NamedTuple):
 
 
 class Studies:
-    """The studies that this panel started. Other studies are known only by their stores."""
+    """The studies that this panel has started, by name of the store. Other studies are known by their stores
+    only."""
 
     def __init__(self, folder: Folder, journal: Journal) -> None:
         self._folder, self._journal = folder, journal
         self._runs: dict[str, _Run] = {}
 
     def begin(self, file: Path, store: Path) -> None:
-        """Start a study or continue it; raises FolderError if this panel runs it already."""
+        """Start or continue a study, in a process of its own; FolderError if this panel runs it already.
+
+        `file` is the study file, and `store` the folder of its results.
+        """
         name = self._folder.name(store)
         if self.runs(name):
             raise FolderError(f"{name} runs already")
@@ -105,11 +113,14 @@ class Studies:
         return name in self._runs
 
     def runs(self, name: str) -> bool:
-        """Return True if this panel is running the study of a store."""
+        """Return True if a study that this panel has started is running; `name` is the name of its store."""
         return name in self._runs and self._runs[name].process.poll() is None
 
     def fault(self, name: str) -> str:
-        """Return the last message of a study's run that failed; "" if it runs, succeeded or is unknown."""
+        """Return the last message of a failed run of a study; "" if it is running, succeeded or is unknown.
+
+        `name` is the name of the study's store.
+        """
         run = self._runs.get(name)
         if run is None or not run.process.poll():
             return ""
@@ -118,7 +129,7 @@ class Studies:
         return self._folder.told(lines[-1] if lines else f"it ended (exit code {run.process.returncode})")
 
     def close(self) -> None:
-        """Kill the running studies; finished tasks are kept."""
+        """Kill the processes of the running studies; the results of finished tasks are kept."""
         for run in self._runs.values():
             run.process.kill()
             run.process.wait()
@@ -126,7 +137,14 @@ class Studies:
 
 
 def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reader) -> APIRouter:
-    """Return the routes of the Studies page."""
+    """Return the router with the routes of the Studies page, below "/studies".
+
+    Args:
+        folder: the panel's folder.
+        studies: studies that this panel has started.
+        journal: log of the panel.
+        read: process that reads the stores.
+    """
     routes = APIRouter(prefix="/studies")
 
     def manifest(name: str) -> Path:
@@ -183,7 +201,7 @@ def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reade
 
 
 def _found(folder: Folder) -> tuple[list[str], list[str]]:
-    """Return the names of the study files and of the stores of the folder."""
+    """Return the names of all study files of the folder, and the names of all stores."""
     files, stores = [], []
     for name, *_ in folder.files(".yaml", ".yml", ".json"):
         if name.endswith(f"/{STORE}"):
@@ -196,24 +214,28 @@ def _found(folder: Folder) -> tuple[list[str], list[str]]:
 
 
 def _row(studies: Studies, files: list[str], name: str) -> dict[str, Any]:
-    """Return name, study file and whether it runs here for a store, without reading it.
+    """Return "name" of a store, "file" (its study file) and "runs" (True if this panel runs the study).
 
-    The study file is the one of the same name, "" if that is not among `files`.
+    The store is not read. The study file is the one among `files` with the store's name up to the ending, ""
+    without such a file.
     """
     own = [file for file in files if file.rsplit(".", 1)[0] == name.rsplit(".", 1)[0]]
     return {"name": name, "file": own[0] if own else "", "runs": studies.runs(name)}
 
 
 def _said(found: StudyState, runs: bool, fault: str) -> dict[str, Any]:
-    """Return the state of a study for its page: title, finished share, rows of numbers and a sentence.
+    """Return the state of a study as its page shows it.
+
+    Keys: "title", "share" (finished fraction of the tasks), "grows" (True if results are arriving), "rows"
+    (pairs of label and text), "said" (a sentence on the state), "wrong" (True if the sentence is an error).
 
     Args:
         found: state read from the store.
         runs: True if this panel runs the study.
         fault: last message of a failed run, "" without one.
     """
-    task = found.members / found.tasks / found.rate  # s for each task
-    lately = time.time() - found.last < max(QUIET, MISSED * task)  # False if either is NaN
+    task = found.members / found.tasks / found.rate  # time for a task, s
+    lately = time.time() - found.last < max(QUIET, MISSED * task)  # also False without a result (NaN)
     grows = runs or (lately and not found.finished and not fault)
     rows = [("tasks", f"{found.done:,} of {found.tasks:,}"), ("members", f"{found.members:,}")]
     if grows and math.isfinite(found.rate):
@@ -232,9 +254,9 @@ def _said(found: StudyState, runs: bool, fault: str) -> dict[str, Any]:
 
 
 def _state(manifest: Path) -> tuple[StudyState, dict[str, list[dict[str, str]]]]:
-    """Return the state of a store, and the names and units of varied quantities and results to draw.
+    """Return the state of a store, and its "varied" quantities and "results", each with name and unit.
 
-    `manifest` is the store's file zarr.json.
+    `manifest` is the store's file zarr.json. Runs in the process that reads files.
     """
     varied, results = ([_about(one) for one in some.values()] for some in pictured(Store(manifest.parent)))
     return study_state(manifest.parent), {"varied": varied, "results": results}

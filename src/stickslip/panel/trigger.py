@@ -1,4 +1,4 @@
-"""Search for the sample that triggers the recording of a live run, while the run continues."""
+"""Search for the sample that triggers a recording, while its run continues."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from .live import Live
 
 
 class TriggerSeeker:
-    """Finds the sample that triggers the recording of a run, block by block; tells it to `live`."""
+    """Finds the sample at which the trigger signal of a recording crosses its level, for `live`.
+
+    Calling the object with the next samples of each channel, by name, continues the search. Without a trigger
+    nothing is searched.
+    """
 
     def __init__(self, capture: Capture, live: Live) -> None:
         self._trigger, self._live = capture.trigger, live
         self._open = False
 
     def begin(self, before: int) -> None:
-        """Start the search in a new run, whose drive starts after `before` samples."""
+        """Start the search in a new run; only samples after the first `before`, when the drive starts, can
+        trigger."""
         self._seen, self._before = np.zeros(0), before
         self._passed = 0
         self._open = self._trigger is not None

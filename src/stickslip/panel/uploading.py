@@ -1,4 +1,4 @@
-"""Routes for uploaded files: a preview first, then the import into the history."""
+"""Routes for files that a user uploads: a preview first, then the import into the history."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 UPLOADS = ".uploads"  # subfolder of the panel's folder for files that are not imported yet
-_KEPT = 3600.0  # s after which an upload that was not imported is deleted
+_KEPT = 3600.0  # time after which an upload that was not imported is deleted, s
 _SUFFIXES = (".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".dat", ".lvm", ".mf4", ".nc")
 
 
 class Taken(Strict):
-    """Request to import an uploaded file as the recording `name`.
+    """Request to import an uploaded file as the recording `name`, with the arguments of `read_recording`.
 
-    `columns` has the index of each channel's column, `units` each channel's unit, `missing` the treatment of
-    missing samples, and `rows` the number of rows (None: all). `token` identifies the upload.
+    `token` identifies the upload. `columns` and `units` have the index of the column and the unit of each
+    channel. `sample_rate` is that of a file without times. `missing` is "error", or "drop" to leave out rows
+    without a number. `rows` is the number of rows to read (None: all).
     """
 
     token: str
@@ -48,7 +49,11 @@ class Taken(Strict):
 
 
 def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> None:
-    """Add the routes of uploads to the history's routes; delete uploads of an earlier start."""
+    """Add the routes "/upload" and "/take" (import) to the router `routes` of the History page.
+
+    Uploads of an earlier start of the panel are deleted. `hub` sends the change to the pages, and `read`
+    reads files in a process of its own.
+    """
     shutil.rmtree(folder.root / UPLOADS, ignore_errors=True)
 
     @routes.post("/upload")
@@ -58,13 +63,15 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
             raise FolderError(f"{called[:60]!r}: a file that can be taken ends in {', '.join(_SUFFIXES)}")
         from starlette.concurrency import run_in_threadpool
 
-        # In threads: a slow disk must not delay other requests, which may be a stop.
+        # Files are written in other threads, because a slow disk must not delay other requests, such as a
+        # stop.
         path = await run_in_threadpool(_place, folder, called)
         try:
-            with path.open("wb") as file:  # in parts: a whole body would stay in memory
+            # The request is written part by part, because its whole body might not fit in memory.
+            with path.open("wb") as file:
                 async for part in request.stream():
                     await run_in_threadpool(file.write, part)
-        except BaseException:  # too large, or the sender disconnected
+        except BaseException:  # is too large, or the sender has disconnected
             shutil.rmtree(path.parent, ignore_errors=True)
             raise
         return await run_in_threadpool(_looked_at, folder, read, path)
@@ -78,7 +85,8 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
         save_recording(recording, target)
         try:
             read(target, _counted)
-        except RecordingError as error:  # the upload is the only copy
+        except RecordingError as error:
+            # The upload is kept: without a readable recording of it, it is the only copy of the data.
             target.unlink()
             raise RecordingError(f"{asked.name}: as a recording it cannot be read: {error}") from None
         shutil.rmtree(source.parent, ignore_errors=True)
@@ -109,14 +117,17 @@ def _read(source: Path, asked: Taken, folder: Folder, read: Reader) -> xr.Datase
 
 
 def _by_name(text: str, path: Path, folder: Folder) -> str:
-    """Return a message about a file without the folders of its path."""
+    """Return a message in which the path of a file is replaced by the file's name."""
     for one in (str(path), str(path.relative_to(folder.root))):
         text = text.replace(one, path.name)
     return text
 
 
 def _place(folder: Folder, name: str) -> Path:
-    """Return the path of a new upload in a folder of its own; delete old uploads that nobody imported."""
+    """Create a folder with a random name for a new upload, and return the path of its file.
+
+    Uploads older than `_KEPT` that nobody imported are deleted. `name` is the name of the file.
+    """
     root = folder.root / UPLOADS
     for old in root.glob("*"):
         if time.time() - old.stat().st_mtime > _KEPT:
@@ -127,9 +138,15 @@ def _place(folder: Folder, name: str) -> Path:
 
 
 def _looked_at(folder: Folder, read: Reader, path: Path) -> dict[str, Any]:
-    """Return the preview of an upload, read in a process that can be ended.
+    """Return the preview of an uploaded file: "token", "name", and the keys of `looking.preview`.
 
-    An upload that cannot be read is deleted, with a RecordingError.
+    A NetCDF file has only "reader", "samples", and no columns. A file that cannot be read is deleted, with a
+    RecordingError.
+
+    Args:
+        folder: the panel's folder.
+        read: process that reads the file.
+        path: the uploaded file.
     """
     token, name = path.parent.name, path.name
     try:
@@ -156,7 +173,7 @@ def _upload(folder: Folder, token: str) -> Path:
 
 
 def _free(folder: Folder, name: str) -> Path:
-    """Return an unused path for an upload of a given name."""
+    """Return the path "uploads/NAME.nc" for the recording of an upload, with a number if the file exists."""
     path = folder.path(f"uploads/{name.removesuffix('.nc')}.nc")
     number = 1
     while path.exists():
