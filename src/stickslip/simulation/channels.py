@@ -36,7 +36,11 @@ def variables_of(
         waveform: the drive before the piezo.
 
     Returns:
-        Arrays [times] in SI, or pairs of array and unit where the name does not determine the unit.
+        Arrays [times] in SI, or pairs of array and unit where the name does not determine the unit. For an
+        actuator the names are end_effector_position, stage_position, sliding_displacement, friction_force,
+        drive_voltage, stage_velocity, end_effector_velocity, bristle_deflection (numbered if several),
+        stage_mode_1 and so on for several modes, and those of `two_port.electrical`. A pulled slider has
+        spring_position and spring_force instead of those of stage and drive.
     """
     y, w, x, s, force = samples[:, :5].T
     # With hysteresis or creep, `table` is the drive after the piezo; the channel is the voltage before it.
@@ -70,23 +74,23 @@ def variables_of(
 def energy_account(
     model: Actuator, samples: NDArray[np.float64], work: NDArray[np.float64], start: NDArray[np.float64]
 ) -> dict[str, Any]:
-    """Return the energy account by name, J: the drive's work is stored, dissipated in the stage, or taken by
-    the contact.
+    """Return the energy account by name, as pairs of an array [times] and its unit J.
 
-    Each value is a pair of an array [times] and its unit. `energy_defect` is what the balance of all terms
-    lacks, 0 for an exact solution. If the model drops the reaction of the friction on the stage, the
-    contact's work on the stage does not appear in the balance.
+    The names are drive_work, stage_dissipation, friction_work, external_work (from the start of the account),
+    kinetic_energy, elastic_energy, and energy_defect. The defect is the work put in, minus dissipation,
+    friction work and the change of the stored energy: 0 for an exact solution. If the model drops the
+    reaction of the friction on the stage, the contact's work on the stage does not appear in the balance.
 
     Args:
         model: actuator whose stage has one mode.
         samples: [times, columns], see `models.classic`.
-        work: [times, 4], integrals of work, see `engine.binding.TERMS`.
-        start: sample at which the account starts, in the columns of `samples`.
+        work: [times, 4], integrals of power over time, see `engine.binding.TERMS`.
+        start: [columns], sample at which the account starts.
     """
     y, w, x, s = samples[:, :4].T
     m, m_e = (0.0 if model.static else model.stage_mass), model.end_effector_mass
     k = 0.0 if model.static else model.stage_stiffness
-    if model.clamped:  # one body: the stage includes the end-effector's mass
+    if model.clamped:  # the mass of the stage already includes that of the end-effector
         m_e = 0.0
     on_stage = (
         work[:, 2] + work[:, 3] if model.stage_reaction and not model.static and not model.clamped else 0.0
@@ -115,8 +119,8 @@ def of_stack(
 ) -> dict[str, tuple[NDArray[np.float64], str]]:
     """Return the electrical channels of a piezo stack under the drive at the times [s], by name.
 
-    They are current (A), charge (C), reactive power (W), loss power (W) and temperature (K); each is a pair
-    of an array [times] and its unit.
+    The names are "current" (A), "charge" (C), "reactive_power" (W), "loss_power" (W) and "temperature" (K);
+    each value is a pair of an array [times] and its unit.
 
     Raises:
         QuantityError: the model cannot drive a stack (see `demand.refuse_stack`), or the drive jumps.

@@ -74,14 +74,15 @@ def electrical_demand(
     name, an array [members] each; NaN for members with invalid fields.
 
     Args:
-        waveform: the common drive.
+        waveform: the common drive, V.
         columns: varied fields by name, [members]; only fields of the waveform are used.
         stack: the piezo stack.
         count: number of members.
-        output: output stage that the drives pass; behind it, the curve depends on the frequency.
+        output: converter and amplifier that the drives pass; by default, the stack gets the drive itself.
 
     Raises:
-        QuantityError: a drive that has no period, or that jumps, which takes an infinite current.
+        QuantityError: a drive has no period, or jumps, which takes an infinite current; or "drive_scale" is
+            varied.
     """
     if getattr(waveform, "period", None) is None:
         raise QuantityError(f"stack: {type(waveform).__name__} has no period: its current is not known")
@@ -89,7 +90,8 @@ def electrical_demand(
         raise QuantityError("stack: under a drive_scale the current is not known: vary the amplitude")
     names = record_names(waveform)
     columns = {name: column for name, column in columns.items() if name in names}
-    # The times of knots scale with the period; the curve over the period, which is compared, stays the same.
+    # Members whose curves over the period are equal share one computation. Without an output stage, frequency
+    # and period do not change that curve; the times of knots then scale with a varied period.
     stretched = "period" in columns
     shapes = [
         n
@@ -122,8 +124,8 @@ def electrical_demand(
 
 
 def _with_fields(waveform: Any, values: Mapping[str, float], output: OutputStage | None) -> Any:
-    """Return the waveform with the fields `values` changed, after the output stage if there is one; None if
-    the waveform or the output stage refuses the values."""
+    """Return the waveform with changed fields (`values` by name, see `varied.record_names`), after the output
+    stage unless that is None. Return None if the waveform or the output stage refuses the values."""
     try:
         one = type(waveform)(**put_in(waveform, values)) if values else waveform
         return one if output is None else output.behind(endless(one))
@@ -132,13 +134,13 @@ def _with_fields(waveform: Any, values: Mapping[str, float], output: OutputStage
 
 
 def lines_off(waveform: Any) -> float:
-    """Return the deviation from a drive that its approximating straight lines may have, V."""
+    """Return the largest deviation, V, between a drive and the straight lines that approximate it."""
     return max(PARTS * float(np.ptp(waveform.range())), 1e-9)
 
 
 def _of_one_period(waveform: Any, stack: Stack) -> tuple[float, float, float, float]:
-    """Return, for one period of a drive: peak and rms current, both multiplied by the period [A s], then
-    delivered energy and loss [J].
+    """Return a tuple for one period of a drive: peak current times period [A s], rms current times period [A
+    s], energy that the amplifier delivers [J], and hysteresis loss in the stack [J].
 
     Raises:
         QuantityError: the drive jumps.
@@ -170,8 +172,8 @@ def labelled_demand(
     count: int,
     output: OutputStage | None = None,
 ) -> dict[str, Any]:
-    """Return the results of `electrical_demand` in the form of xarray variables over "member" with units; an
-    empty mapping if `stack` is None."""
+    """Return the results of `electrical_demand` by name as xarray variables over "member", with units; an
+    empty mapping if `stack` is None. Raise QuantityError as `refuse_stack` and `electrical_demand`."""
     if stack is None:
         return {}
     refuse_stack(model, stack)

@@ -23,8 +23,8 @@ from .jumps import cannot_jump, refuse_jumps
 from .models import refuse_places
 from .plant.at_piezo import at_piezo, tabulated
 
-# Largest error of a segment table after piezo hysteresis and creep, multiplied by the stage's gain, as a
-# fraction of the position tolerance of a run, because a resonance or a slip amplifies it. Study:
+# Largest error of a segment table after piezo hysteresis and creep, multiplied by the stage's gain, over the
+# position tolerance of a run. The share is small, because a resonance or a slip amplifies the error. Study:
 # docs/benchmarks/random-actuators.md.
 TABLE_SHARE = 0.02
 # Largest number of segments per period with which the engine detects that a drive repeats; the same number
@@ -39,14 +39,14 @@ def refuse_no_waveform(waveform: Waveform) -> None:
 
 
 def endless(waveform: Any) -> Any:
-    """Return a periodic waveform that repeats without an end; a waveform that has no end is returned
-    unchanged."""
+    """Return a periodic waveform without its limit on the number of periods; a waveform of infinite duration
+    is returned unchanged."""
     return waveform._replace(periods=None) if math.isfinite(waveform.duration) else waveform
 
 
 class Driven(NamedTuple):
-    """Drive of a stage: a waveform after the hysteresis and creep of a piezo (None: no piezo model).
-    `precision` is the largest error of its table, V."""
+    """Drive of a stage: a waveform, the piezo through whose hysteresis and creep it passes (None: no piezo
+    model), and `precision`, the largest error of its segment table, V."""
 
     piezo: Piezo | None
     waveform: Any
@@ -58,8 +58,8 @@ class Driven(NamedTuple):
         return getattr(self.waveform, "period", None) or 0.0
 
     def table(self, end: float, settled: bool) -> Drive:
-        """Return the segment table up to `end` [s]. With `settled`, return one period in the steady state,
-        after many periods."""
+        """Return the segment table from 0 to `end` [s]. With `settled`, return one period instead, as it is
+        after many periods; `end` is then the period."""
         table = self.waveform.drive(end)
         if self.piezo is None:
             return by_periods(table, self.period or None, end)
@@ -67,7 +67,7 @@ class Driven(NamedTuple):
 
 
 class Scaled(NamedTuple):
-    """A waveform multiplied by a factor; the waveform may be of any type."""
+    """A waveform, the product of the waveform `of` (any type) and a constant factor."""
 
     of: Any
     factor: float
@@ -88,10 +88,10 @@ class Scaled(NamedTuple):
 
 
 def table_precision(model: Actuator | PulledSlider, tolerance: float) -> float:
-    """Return the largest error [V; m for a pulled slider] of the drive after the piezo that is allowed for a
-    position tolerance [m].
+    """Return the largest error of the drive after the piezo, V (m for a pulled slider), that is allowed for a
+    tolerance of the position, m. See `TABLE_SHARE`.
 
-    The fields of the model may be arrays over the members of an ensemble; the smallest error of all members
+    The fields of the model may be arrays over the members of an ensemble; the smallest value of all members
     is returned.
     """
     if not isinstance(model, Actuator):
@@ -104,11 +104,10 @@ def table_precision(model: Actuator | PulledSlider, tolerance: float) -> float:
 def tables(
     model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool
 ) -> Callable[[float], Drive]:
-    """Return a function from the position tolerance [m] of a run to the segment table of the drive up to
-    `end` [s].
+    """Return a function from the position tolerance [m] of a run to the segment table of the drive.
 
-    Without creep or Duhem hysteresis the table is exact, and therefore the same for all tolerances. The
-    function raises the errors of `checked_drive`.
+    The function has the other arguments and the errors of `checked_drive`, and keeps the tables that it has
+    computed. Without creep or Duhem hysteresis the table is exact, so it is the same for all tolerances.
     """
     exact = not (isinstance(model, Actuator) and tabulated(model.piezo))
 
@@ -122,19 +121,19 @@ def tables(
 def checked_drive(
     model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool, tolerance: float
 ) -> Drive:
-    """Return the table of a waveform after the model's piezo, up to `end` [s], for a tolerance [m] of the
-    position.
+    """Return the segment table of a waveform after the model's piezo; a short table covers two periods.
 
     Args:
         model: actuator, driven by a voltage, or pulled slider, driven by a position.
         waveform: the drive, V or m.
         end: end of the table, s; with `periodic`, the period.
         periodic: return one period in the steady state instead of a table that starts from rest.
-        tolerance: m.
+        tolerance: tolerance of the position, m, for the precision of the table.
 
     Raises:
+        TypeError: the drive is not a waveform.
         QuantityError: the waveform has the wrong unit, leaves the voltage range, or jumps and the model
-            cannot follow.
+            cannot follow; with `periodic`, the model has no steady step.
     """
     unit = "V" if isinstance(model, Actuator) else "m"
     refuse_no_waveform(waveform)
@@ -158,7 +157,8 @@ def checked_drive(
 
 
 def out_of_range(model: Actuator, low: float, high: float, minimum: float, maximum: float) -> str:
-    """Return the message for a drive [V] beyond the range of the actuator."""
+    """Return the message for a drive from `low` to `high` [V] outside the actuator's range, from `minimum` to
+    `maximum` [V]."""
     return (
         f"drive voltage from {low:g} V to {high:g} V is out of range: "
         f"{model.name or 'the actuator'} takes {minimum:g} V to {maximum:g} V"
@@ -187,8 +187,15 @@ def behind(output: OutputStage, rows: list[Any], reasons: list[str]) -> list[Any
 
 
 def refuse_voltages(model: Actuator, rows: list[Any], scale: NDArray[np.float64], reasons: list[str]) -> None:
-    """Store in `reasons` [members] a sentence for each waveform that, multiplied by its factor in `scale`,
-    leaves the voltage range of the actuator. Members that already have a reason are skipped."""
+    """Store in `reasons` [members] a message for each member whose drive leaves the actuator's voltage range.
+    Members that already have a reason are skipped.
+
+    Args:
+        model: the actuator, whose voltage limits may be arrays [members].
+        rows: waveform of each member, V.
+        scale: factor of each member on the waveform, [members].
+        reasons: message for each member, "" if it is valid; changed in place.
+    """
     lows, highs = (np.broadcast_to(v, len(rows)) for v in (model.min_voltage, model.max_voltage))
     for m, row in enumerate(rows):
         if reasons[m]:

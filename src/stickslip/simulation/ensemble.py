@@ -51,14 +51,17 @@ OUTCOMES = {
     NO_NUMBER: "no_number",
     REFUSED: "refused",
 }
-# Number of members that are computed together on a GPU, which is slow with few threads.
+# Largest number of members in a block on a GPU. It is large, because a GPU is slow with few threads.
 GPU_BLOCK = 1 << 18
 
 
 class Block(NamedTuple):
-    """Results of one block of members, one entry per member: status code (`OUTCOMES`), time reached [s],
-    number of steps, net displacement and its error [m], sampled positions [members, times] in m, and reason
-    of a failure (empty if complete)."""
+    """Results of one block of members, one entry per member.
+
+    Fields: `status`, code (key of `OUTCOMES`); `reached`, time reached [s]; `steps`, integration steps tried;
+    `net`, net displacement, and `error`, its estimated error (or that of the positions), m or rad;
+    `positions` [members, times] of the end-effector, m or rad; `reasons` of failures ("" if complete).
+    """
 
     status: NDArray[np.int8]
     reached: NDArray[np.float64]
@@ -100,16 +103,16 @@ def simulate_ensemble(
             Coulomb friction.
         sample_rate, times: samples of the trajectories, as for `simulate`; by default only summaries are
             kept, which need little memory.
-        tolerance: m, as for `simulate`.
-        load: normal force relative to its reference, for all members.
+        tolerance: largest error of positions and of the net displacement, m, as for `simulate`.
+        load: normal force relative to its reference, for all members: a number or a waveform.
         stack: piezo stack that each periodic drive charges; it adds peak_current and rms_current (A),
             energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
         max_steps: largest number of integration steps of each member.
-        threads: number; by default all processors.
+        threads: number of threads; by default one per processor.
         engine: "cuda" runs the same steps on a GPU, a thread for each member (extra ``stickslip[cuda]``); if
             that is impossible (no GPU, or trajectories are required), it runs on the processors, with a
             `SimulationWarning`.
-        progress: called after each block of members with the current step and the done share.
+        progress: function that is called after each block with "simulating" and the finished fraction.
 
     Returns:
         Dataset over "member" with the parameters, net_displacement (m, up to the time reached), status (0
@@ -143,7 +146,7 @@ def simulate_ensemble(
         wanted,
         _gpu(model, wanted) if engine == "cuda" else None,
     )
-    contact_load(load, end)  # raises the errors of an invalid load before the simulation
+    contact_load(load, end)  # raises QuantityError for an invalid load, before any member is simulated
     demand = labelled_demand(model, waveform, varied, stack, count)
     size = block_size(model, waveform, varied, end, GPU_BLOCK if task.gpu else BLOCK)
     found = Block(
@@ -174,8 +177,12 @@ def simulate_ensemble(
 
 
 class _EnsembleTask(NamedTuple):
-    """Settings of an ensemble. `tables` is a function from the tolerance [m] to the drive table that all
-    members share, or None if they have different drives; `end` [s] is the common end, or None."""
+    """Arguments of `simulate_ensemble`, with units converted, for the work on each block.
+
+    `tables` is a function from the tolerance [m] to the drive table that all members share; None if members
+    have different drives. `end` [s] is the common end of the runs; None: each ends with its own waveform.
+    `times` [s] of the samples is empty if only summaries are kept.
+    """
 
     model: Actuator
     waveform: Waveform
@@ -185,16 +192,16 @@ class _EnsembleTask(NamedTuple):
     tolerance: float
     max_steps: int
     times: NDArray[np.float64]
-    gpu: Any  # module `engine.cuda`, or None
+    gpu: Any  # module `engine.cuda`; None to run on the processors
 
 
 def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:
-    """Return the module `engine.cuda`, or None after a warning that says why this ensemble cannot run on a
-    GPU."""
+    """Return the module `engine.cuda` if the ensemble can run on a GPU; otherwise issue a `SimulationWarning`
+    with the reason, and return None. `times` are the sample times: a GPU cannot keep samples."""
     if times.size:
         why = "the GPU keeps summaries only, and trajectories are asked for"
     else:
-        from ..engine import cuda  # imported only here, because most runs use no GPU
+        from ..engine import cuda  # imported only here, because most ensembles use no GPU
 
         why = cuda.missing() or cuda.refused(law_of(element(model.friction, 0)))
         if not why:
@@ -213,8 +220,11 @@ def _block(task: _EnsembleTask, columns: Mapping[str, NDArray[np.float64]]) -> B
 
 
 class _Runs(NamedTuple):
-    """Results of one run of many members as arrays: outcome codes, times reached [s], number of steps, net
-    displacements [m], sampled positions [members, times] and errors [m]."""
+    """Results of one run of many members as arrays [members].
+
+    Fields: `outcomes`, codes (keys of `OUTCOMES`); `reached`, times reached [s]; `steps` tried; `net`
+    displacements [m]; `positions` [members, times] in m; `error` [m], NaN until two runs are compared.
+    """
 
     outcomes: Any
     reached: Any
@@ -227,14 +237,15 @@ class _Runs(NamedTuple):
 def _run(
     task: _EnsembleTask, of: Members, rows: NDArray[np.int64], outcomes: Any, tolerance: float, careful: bool
 ) -> _Runs:
-    """Simulate the members `rows` (indices) once, with local errors in proportion to the tolerance [m].
+    """Simulate some members of a block once; return their results, without an error estimate.
 
     Args:
-        task, of: settings, and the block of members.
-        rows: indices of the members.
-        outcomes: outcome code of each, replaced by the new one; only members with DONE are simulated.
-        tolerance: m.
-        careful: see `engine.binding.integrate`.
+        task: settings of the ensemble.
+        of: the block of members.
+        rows: indices, in the block, of the members to simulate.
+        outcomes: outcome code of each of these members, in place; only members with DONE are simulated.
+        tolerance: tolerance of the engine, m, to which local errors are in proportion.
+        careful: True if small vibrations of sticking contacts must be resolved.
     """
     q, values, which, column = of.states[rows], of.values[rows], of.which[rows], of.of.slider
     spans = np.column_stack([np.zeros(rows.size), of.ends[rows]])
@@ -255,9 +266,12 @@ def _run(
 
 
 def _refined(task: _EnsembleTask, columns: Columns) -> tuple[_Runs, list[str]]:
-    """Simulate each member with smaller and smaller steps and finer drive tables, until the change is within
-    the tolerance (see `refinement.refined`). Return the results, and per member the reason why it was refused
-    (empty if valid)."""
+    """Simulate each member of a block, given by its columns, until its estimated error is within the
+    tolerance.
+
+    Each repetition, for the members that need one, has smaller steps and finer drive tables (compare
+    `refinement.refined`). Return the results, and the reason why each member was refused ("" if valid).
+    """
     level = LOOSE * task.tolerance
 
     def members() -> Members:
@@ -268,7 +282,7 @@ def _refined(task: _EnsembleTask, columns: Columns) -> tuple[_Runs, list[str]]:
     outcomes = np.where(of.fine, np.int64(DONE), np.int64(REFUSED))
     made = _run(task, of, np.arange(outcomes.size), outcomes, level, False)
     todo = np.flatnonzero(made.outcomes == DONE)
-    # Neighbouring threads of a GPU wait for each other, so members with similar numbers of steps are grouped.
+    # On a GPU, neighbouring threads wait for each other: sort the members by their number of steps.
     if task.gpu:
         todo = todo[np.argsort(made.steps[todo], kind="stable")]
     coarse = _Runs(*(column[todo] for column in made))

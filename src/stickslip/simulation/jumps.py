@@ -24,11 +24,12 @@ def cannot_jump(model: Actuator) -> bool:
 
 
 def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
-    """Raise QuantityError if the drive jumps and the model cannot follow.
+    """Raise QuantityError if the drive jumps, and the model has a static stage whose contact has bristles, or
+    a `MaxwellCapacitor` under voltage control.
 
     Args:
         model: the actuator.
-        table: segment table of the drive.
+        table: segment table of the drive, V.
         period: period of the drive, s; None if it does not repeat. A jump from one period to the next counts,
             too.
     """
@@ -43,8 +44,8 @@ def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
 
 
 def _jumps(table: Drive, period: float | None) -> bool:
-    """Return True if the drive jumps between two segments, at its start, or, with a period [s], from one
-    period to the next."""
+    """Return True if the drive jumps from one segment to the next, or at its start. Given a `period` [s], the
+    value before the start is that at the end of the period."""
     starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
     ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
     first = table.before if period is None else value_slope_curvature(table, len(starts) - 1, period)[0]

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ..quantities.units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
 
-# Largest relative deviation of a ratio of two periods from a whole number, caused by rounding of 1/frequency.
+# Largest relative deviation of a ratio of two periods from a whole number. Rounding of 1/frequency causes it.
 _WHOLE = 1e-9
 
 
 def load_range(load: Waveform | float) -> tuple[float, float]:
-    """Return the smallest and the largest value of a load, a number or a waveform.
+    """Return the smallest and the largest value of a load (a number or a waveform) over all time.
 
     Raises:
         QuantityError: the load is neither a number nor a waveform.
@@ -34,8 +34,8 @@ def load_range(load: Waveform | float) -> tuple[float, float]:
 
 
 def refuse_other_period(load: Waveform | float, period: float | None) -> None:
-    """Raise QuantityError unless the load repeats with the period [s] of the drive (None: with any period).
-    Otherwise no motion has the drive's period."""
+    """Raise QuantityError unless the load is constant, or repeats for ever and an integer number of times in
+    the `period` [s] of the drive (None: any period). Otherwise no motion has the drive's period."""
     low, high = load_range(load)
     if low == high:
         return
@@ -57,8 +57,8 @@ def refuse_other_period(load: Waveform | float, period: float | None) -> None:
 
 
 def refuse_other_periods(load: Waveform | float, periods: NDArray[np.float64], reasons: list[str]) -> None:
-    """Store a message in `reasons` [members] for each member whose load does not repeat with the period [s]
-    of its drive. Members that already have a reason are skipped."""
+    """Store in `reasons` [members] the message of `refuse_other_period` for each member whose drive's period
+    (`periods` [members], s) does not fit the load. Members that already have a reason are skipped."""
     for m in (m for m, reason in enumerate(reasons) if not reason):
         try:
             refuse_other_period(load, float(periods[m]))

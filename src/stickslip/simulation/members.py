@@ -45,7 +45,7 @@ from .varied import (
 
 T = TypeVar("T")
 Columns = Mapping[str, NDArray[np.float64]]
-# Names of parameters that scale the voltage of a member's waveform and its normal force.
+# Parameters with which all voltages of a member's waveform, and its relative normal force, are multiplied.
 SCALES = ("drive_scale", "load")
 BLOCK = 256  # largest number of members in a block on processors
 # Largest number of entries, roughly, in all drive tables of a block: it limits the memory.
@@ -55,9 +55,9 @@ LARGEST_TABLES = 4_000_000
 class Members(NamedTuple):
     """A block of members in the solver's form.
 
-    Fields: `reasons` of refusal (empty if valid); system `of` that all share; `values` [members, numbers] of
-    the plants; `states` at rest; different `drives`, and the index `which` of each member's; `ends` of the
-    runs or periods, s; `load`, relative normal force of all.
+    Fields: `reasons`, why each member is refused ("": valid); `of`, system of the unvaried model; `values`
+    [members, numbers] of the plants; `states` [members, states] at rest; `drives`, drive tables, and `which`,
+    index of each member's table; `ends` of runs or periods, s; `load`, normal force of all.
     """
 
     reasons: list[str]
@@ -114,7 +114,7 @@ def by_name(parameters: Any) -> Mapping[str, Any]:
 
 
 def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str, Any]:
-    """Return the columns as variables over "member", with units."""
+    """Return the columns by name as xarray variables over "member", with unit and meaning."""
     made = {}
     for name, column in columns.items():
         quantity = quantity_of(model, waveform, name)
@@ -124,12 +124,12 @@ def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str,
 
 
 def bends(model: Actuator) -> bool:
-    """Return True if the shape of the piezo's stroke depends on the amplitude of the drive (hysteresis)."""
+    """Return True if the piezo has hysteresis before the stage, which does not scale with the amplitude."""
     return model.piezo is not None and model.piezo.hysteresis is not None and model.two_port is None
 
 
 def own_tables(model: Actuator, waveform: Waveform, columns: Columns) -> bool:
-    """Return True if members need different drive tables, because a value that changes the drive varies."""
+    """Return True if members need their own drive tables, because a parameter of the drive varies."""
     before = ["drive_scale"] if bends(model) else []
     return bool(waveform_columns(waveform, columns)) or any(n in columns for n in drive_names(model) + before)
 
@@ -142,10 +142,10 @@ def waveform_columns(waveform: Waveform, columns: Columns) -> dict[str, NDArray[
 def in_blocks(
     work: Callable[[dict[str, NDArray[np.float64]]], T], columns: Columns, size: int, threads: int | None
 ) -> Iterator[tuple[int, T]]:
-    """Yield each block's first member (index) and `work(its columns)`, in order; several run in parallel."""
+    """Yield the index of each block's first member, and `work` of its columns; `threads` run in parallel."""
     count = next(iter(columns.values())).size
     threads = (os.cpu_count() or 1) if threads is None else whole(threads, "threads", 1, 4096)
-    # Make blocks smaller if there are few members, so that all threads have work.
+    # With few members, blocks are smaller than `size`, so that all threads have work.
     size = max(1, min(size, -(-count // threads)))
     starts = range(0, count, size)
     cut = ({name: c[s : s + size] for name, c in columns.items()} for s in starts)
@@ -168,7 +168,7 @@ def block_size(
     most: int = BLOCK,
     output: OutputStage | None = None,
 ) -> int:
-    """Return the number of members whose drive tables up to `end` [s] are not too large; at most `most`."""
+    """Return the number of members, at most `most`, whose tables up to `end` [s] fit (`LARGEST_TABLES`)."""
     varied = waveform_columns(waveform, columns)
     if not varied and not {*columns} & {"drive_scale", *drive_names(model)}:
         return most
@@ -180,7 +180,7 @@ def block_size(
         if output is not None and output.updates:
             slower = [float(np.nanmax(1.0 / c[c > 0.0], initial=1.0)) for c in per_period]
             segments = max(segments, end * max([1.0, *slower]) * output.update_rate)
-            quicker = 1.0  # behind a converter, its updates determine the number of segments
+            quicker = 1.0  # the number of segments is that of the converter's updates, at any frequency
     return int(np.clip(LARGEST_TABLES / (5.0 * segments * quicker), 1, most))
 
 
@@ -203,7 +203,7 @@ def prepared(
             their own tables.
         end: s; None: the duration of each member's waveform, or with `periodic` its period.
         tolerance: tolerance of the position for the tables, m.
-        periodic: the drives are periodic.
+        periodic: True: each drive is one period, in the steady state.
         output: output stage that periodic drives pass; `common` does not include it.
     """
     count = next(iter(columns.values())).size
@@ -220,7 +220,7 @@ def prepared(
         if output is not None:
             rows = behind(output, rows, reasons)
         refuse_voltages(members, rows, scale, reasons)
-        if "drive_scale" in columns and bends(model):  # hysteresis follows the factor
+        if "drive_scale" in columns and bends(model):  # scale the voltage before the hysteresis
             rows = [Scaled(row, factor) for row, factor in zip(rows, scale, strict=True)]
             scale = np.ones(count)
         precision = table_precision(members, tolerance / _largest(scale))
@@ -237,7 +237,7 @@ def prepared(
         refuse_other_periods(load, ends, reasons)
     own_load = contact._replace(normal=contact.normal * columns.get("load", 1.0))
     of = contact.system(model)
-    with np.errstate(all="ignore"):  # values of refused members may be invalid
+    with np.errstate(all="ignore"):  # refused members may have values such as 0 or NaN
         table, pulled = _values(own_load.system(members), scale, count), np.any(members.axial_force)
     states = np.zeros((count, of.states))
     if np.any(drives.before) or pulled:
@@ -248,7 +248,7 @@ def prepared(
 
 
 def _largest(scale: NDArray[np.float64]) -> float:
-    """Return the largest finite factor, at least 1."""
+    """Return the largest finite factor of the drive [members], or 1 if all are smaller."""
     return float(np.max(scale[np.isfinite(scale)], initial=1.0))
 
 
@@ -257,7 +257,7 @@ def _end(waveform: Any, periodic: bool) -> float:
 
 
 def _piezos(model: Actuator, columns: Columns, count: int) -> list[Piezo | None]:
-    """Return each member's piezo (hysteresis and creep before the stage), unchecked; None without one."""
+    """Return each member's piezo model (hysteresis and creep), with unchecked values; None without one."""
     names = [name for name in drive_names(model) if name in columns]
     if not names:
         return [model.piezo] * count
@@ -273,8 +273,8 @@ def _tables(
     end: float | None,
     periodic: bool,
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
-    """Return the drives of the members, the index of each member's drive, and the end of each run [s]. A
-    member without a valid drive gets a message in `reasons`. Fields of the model may be arrays."""
+    """Return the drive tables of the valid members, the index of each member's table, and the end of each run
+    [s], NaN if refused. A drive that is too long, not periodic or jumps gets a message in `reasons`."""
     rows = [of.waveform for of in driven]
     for m, row in enumerate(rows):
         if not reasons[m]:
@@ -301,7 +301,7 @@ def _tables(
 
 
 def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]:
-    """Return the waveform of each member; store in `reasons` why a member's values are refused."""
+    """Return the waveform of each member; store in `reasons` the message for values that it refuses."""
     kind, known = type(waveform), quantities(type(waveform))
     made = [tuple.__new__(kind, row) for row in _rows(put_in(waveform, columns), len(reasons))]
     fine = np.ones(len(reasons), dtype=bool)
@@ -323,7 +323,7 @@ def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]
 
 def _values(of: Any, scale: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return the numbers of each member's plant, [members, numbers], with the drive multiplied by `scale`
-    [members]."""
+    [members]. In the system `of`, fields that vary are arrays [members]."""
     plant = of.plant
     modes = tuple(mode._replace(drive=mode.drive * scale) for mode in plant.modes)
     contacts = tuple(
@@ -333,7 +333,7 @@ def _values(of: Any, scale: NDArray[np.float64], count: int) -> NDArray[np.float
 
 
 def _rows(fields: Mapping[str, Any], count: int) -> list[tuple[Any, ...]]:
-    """Return the fields of each member as a tuple; a field that is a tuple (of elements) stays one."""
+    """Return a tuple of the `fields` for each member; they are arrays [members], constants, or tuples."""
 
     def column(value: Any) -> list[Any]:
         if isinstance(value, tuple):
@@ -344,8 +344,8 @@ def _rows(fields: Mapping[str, Any], count: int) -> list[tuple[Any, ...]]:
 
 
 def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> list[str]:
-    """Return, per member, the message with which the model's records refuse its values; empty for valid ones.
-    Only members that fail a check of whole columns are built, to get the message."""
+    """Return for each member the message with which the model refuses its `values` or factors; "": valid.
+    Only members that fail a check of whole columns are built one by one, to get the message."""
     fine = np.ones(count, dtype=bool)
     known = quantities_within(model)
     own = {name: values[name] for name in piezo_names(model) if name in values}
@@ -373,7 +373,7 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
 
 
 class _Column(np.ndarray):
-    """Column of numbers. A comparison is a condition only if its truth value is the same in all rows."""
+    """Numbers of all members; `if` with a comparison raises ValueError unless all members give the same."""
 
     def __bool__(self) -> bool:
         answers = np.unique(self.view(np.ndarray).astype(bool))
@@ -383,7 +383,7 @@ class _Column(np.ndarray):
 
 
 def _in_accord(law_type: Any, fields: Mapping[str, Any], count: int) -> NDArray[np.bool_]:
-    """Return a boolean array [members]: True where the fields of the law satisfy its own check.
+    """Return True [members] where the fields of the law, arrays [members], pass the law's method `_check`.
 
     The check runs once on arrays if it takes the same path for all members, otherwise once for each member.
     """

@@ -21,9 +21,9 @@ from .load import load_range
 from .plant.system import Element, Mode, Plant
 from .strain import strained
 
-# Rate that makes velocities comparable with positions in the error control, for a stage without dynamics,
-# which has no natural frequency.
-_STATIC_STAGE_RATE = 1e4  # rad/s
+# Rate [rad/s] that makes velocities comparable with positions in the error control of the integration, for a
+# stage without dynamics. A stage with dynamics has its natural frequency as this rate.
+_STATIC_STAGE_RATE = 1e4
 
 
 class Mechanism(NamedTuple):
@@ -40,7 +40,9 @@ class Mechanism(NamedTuple):
     [kang2007, eq. 3.20-3.25]; r = 0 drops the reaction of the friction on the stage as the thesis does in
     eq. 3.24. A slider on fixed ground pulled through a spring has b_e, c_e, k_e and a stage at rest. A
     `kinematic` stage follows the drive, y = C u (Pohl's model, a tribometer), with C the `gain`; `clamped`
-    keeps v = 0. `rate` [rad/s] makes a velocity comparable with a position in the error control.
+    keeps v = 0. `rate` [rad/s] makes a velocity comparable with a position in the error control. Fields by
+    symbol: `..._stiffness` k, `..._damping` c, `..._drive` b, `..._acceleration` a, `reaction` r, `mobility`
+    μ.
     """
 
     kinematic: bool
@@ -59,7 +61,7 @@ class Mechanism(NamedTuple):
     rate: float
 
 
-# Coefficients of a mechanism in which nothing moves; each model replaces those that it needs.
+# Mechanism in which nothing moves: all coefficients are 0, and the rate is 1. Each model replaces some.
 IMMOBILE = Mechanism(
     kinematic=False,
     clamped=False,
@@ -79,11 +81,11 @@ IMMOBILE = Mechanism(
 
 
 def mechanism(model: Actuator | PulledSlider) -> Mechanism:
-    """Return the coefficients of a model's equations of motion."""
+    """Return the coefficients of a model's equations of motion; raise TypeError for any other object."""
     if isinstance(model, PulledSlider):
         stiffness, damping = model.spring_stiffness / model.mass, model.damping / model.mass
         return IMMOBILE._replace(
-            kinematic=True,  # the stage is the fixed ground: its gain is 0
+            kinematic=True,  # the "stage" is the fixed ground: the gain is 0, so y = 0
             slider_stiffness=stiffness,
             slider_damping=damping,
             slider_drive=stiffness,
@@ -113,13 +115,13 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
 
 
 def stage_mode(gain, natural_frequency, damping_ratio):  # type: ignore[no-untyped-def]
-    """Return a further mode of a stage from its gain [m/V], natural frequency [rad/s] and damping ratio; all
-    may be arrays."""
+    """Return the `Mode` of a stage: gain [m/V], natural frequency [rad/s], damping ratio, or arrays of
+    them."""
     stiffness = natural_frequency**2
     return Mode(stiffness, 2.0 * damping_ratio * natural_frequency, gain * stiffness, 0.0)
 
 
-# Columns of the positions of stage and end-effector in samples of `classic`; the next column is the velocity.
+# Columns of the positions of stage and end-effector in `classic`; the column after each is the velocity.
 STAGE, SLIDER = 0, 2
 
 
@@ -135,7 +137,8 @@ class System(NamedTuple):
         hysteresis: number of states of a piezo with a `MaxwellCapacitor`, which is the last element; else 0.
         gain: position per drive of a stage that follows the drive, m/V; else 0.
         clamped: True if the end-effector is fixed to the stage.
-        axial: force on a clamped end-effector, N; its `mass`, kg: both give the force that holds it.
+        axial, mass: constant force [N] on a clamped end-effector, and its mass [kg], which give the force of
+            the clamped contact; else 0.
     """
 
     plant: Plant
@@ -203,7 +206,7 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
     more, hysteresis = ((), 0) if electrical is None else ((electrical,), elements(electrical.law))
     stages = tuple(range(0, 2 * count, 2))
     if mech.clamped:
-        # One body; a stage without dynamics is replaced by a mode at rest.
+        # Stage and end-effector are one body; for a stage without dynamics, the plant has a mode at rest.
         gain, stages = (mech.gain, ()) if mech.kinematic else (0.0, stages)
         axial = model.axial_force if isinstance(model, Actuator) else 0.0
         held = 1.0 / mech.mobility
@@ -216,8 +219,8 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
 
 
 def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, ...]]:
-    """Return the modes of a stage, and the acceleration of each by a unit contact force, m/s² per N. Under
-    charge control, the first mode is stiffer by `model.stiffening`."""
+    """Return the modes of a stage, and the acceleration of each by a unit contact force, m/s² per N (rad/s²
+    per N m). Under charge control, the first mode's stiffness is multiplied by `model.stiffening`."""
     stiffer = getattr(model, "stiffening", 1.0)
     modes = [
         Mode(
@@ -236,8 +239,8 @@ def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, 
 
 
 class RelativeLoad(NamedTuple):
-    """The normal force of a run relative to its reference: a constant factor `normal`, and the table of a
-    second, varying factor (None: constant)."""
+    """The normal force of a run, divided by the one at which the friction parameters are valid: a constant
+    factor `normal`, times a factor that varies with time, as a segment `table` (None: 1)."""
 
     normal: float = 1.0
     table: Drive | None = None
@@ -251,25 +254,30 @@ class RelativeLoad(NamedTuple):
 
     @property
     def drive(self) -> Drive:
-        """Return the table of the varying factor; a constant 1 if nothing varies."""
+        """Return the segment table of the varying factor; a constant 1 without one."""
         return self.table or constant(1.0)
 
 
-# Relative normal force that is large enough to hold the end-effector against any force; and number of
-# bisections in the search for its position at rest.
+# Relative normal force with which the contact holds the end-effector against any force, and number of
+# bisections in the search for the end-effector's position at rest.
 _HOLDS, _HALVINGS = 1e12, 60
 
 
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
-    """Return the state at rest under the drive value `before` and the constant forces.
+    """Return the state [states] of a system at rest under a constant drive and the constant forces.
 
-    The normal force is `load` times that of the plant; if it changes along the stroke, it is taken at the
-    position of rest. If no deflection of the contact can hold the forces, the contact starts at its bound.
+    If no deflection of the contact can hold the forces, the contact starts at its largest deflection. A
+    normal force that changes along the stroke is taken at the position of rest.
+
+    Args:
+        of: the system.
+        before: drive, V (m for a pulled slider).
+        load: factor on the plant's normal force.
     """
     if of.contact is None or of.contact.along is None:
         return _resting(of, before, load, 0.0)
-    # The position at which the contact holds all forces, if it can; otherwise a position between this and
-    # the position without friction, found by bisection.
+    # First assume that the contact holds all forces. If it cannot, the position of rest lies between that one
+    # and the position without friction, and is found by bisection.
     free, held = (float(_resting(of, before, share, 0.0)[of.slider]) for share in (0.0, _HOLDS))
     q, (low, high) = _resting(of, before, load, held), sorted((free, held))
     for _ in range(0 if math.isclose(q[of.slider], held, rel_tol=1e-12) else _HALVINGS):
@@ -279,8 +287,8 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
 
 
 def _resting(of: System, before: float, load: float, place: float) -> NDArray[np.float64]:
-    """Return the state of `resting_state` for the normal force at the position `place` [m] of the
-    end-effector."""
+    """Return the state of `resting_state` with the normal force at the end-effector's position `place`
+    [m]."""
     q = np.zeros(of.states)
     held = _held(of, q, load, place)
     contact = of.contact if of.stages else None
@@ -298,8 +306,8 @@ def _resting(of: System, before: float, load: float, place: float) -> NDArray[np
 
 
 def _held(of: System, q: NDArray[np.float64], load: float, place: float) -> float:
-    """Return the contact force [N] that balances the constant forces on the end-effector, as far as the
-    normal force at `place` [m] allows; store the deflections of the law in `q`."""
+    """Return the contact force [N] on the end-effector that balances its constant force, limited to what the
+    normal force at `place` [m] can hold; write the deflections [m] of the contact into the state `q`."""
     contact, slider = of.contact, of.slider // 2
     if contact is None:
         return 0.0
@@ -320,11 +328,11 @@ def _held(of: System, q: NDArray[np.float64], load: float, place: float) -> floa
 def classic(
     of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return samples of the solver in columns that do not depend on the layout of the plant, [times, 5 +
-    internal + further states].
+    """Return samples of the solver in columns that do not depend on the plant, [times, 5 + internal +
+    further].
 
     The columns are position and velocity of the stage, position and velocity of the end-effector, friction
-    force, states of the law, then the states of `System.further`.
+    force on the end-effector, states of the law, then the states of `System.further` (SI).
     """
     n, law = of.states, 5 + of.internal
     made = np.zeros((times.size, law + len(of.further)))
@@ -348,8 +356,8 @@ def classic(
 def _acceleration(
     of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the acceleration of a clamped end-effector at times [s], m/s², from the solver's samples and the
-    drive."""
+    """Return the acceleration [m/s²] of a clamped end-effector at times [s], from the equation of motion, the
+    solver's samples [times, columns] and the drive table."""
     if not of.stages:
         i = segment_at(drive, times)
         return of.gain * np.array(
@@ -379,7 +387,7 @@ def refuse_places(model: Actuator | PulledSlider) -> None:
 
 
 def contact_load(load: Waveform | float, end: float) -> RelativeLoad:
-    """Return the normal force relative to its reference, as a table up to `end` [s].
+    """Return a load, a number or a waveform, as a `RelativeLoad` with a table up to `end` [s].
 
     Raises:
         QuantityError: the load is not finite, or falls below zero (contact lost).

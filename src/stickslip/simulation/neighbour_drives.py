@@ -20,24 +20,29 @@ from .varied import changed_piezo, drive_names, put_in, value_of
 # Change of a parameter for a difference quotient, relative to its value, or absolute for a value of 0.
 # Neighbours use the same integration steps, so only rounding limits the change.
 DIFFERENCE = 1e-6
-# Relative changes of a parameter for drives after piezo hysteresis, which are accurate to about 1e-8. They
-# are tried in order; the best one gives a change of the drive that is most nearly in proportion to the change
-# of the parameter. ENOUGH: relative deviation from proportion that ends the search; STRAIGHT: largest
-# deviation that is accepted.
+# AT_PIEZO: relative changes of a parameter that `beside` tries, in this order, if the actuator has a piezo
+# model; its drive tables are accurate to only about 1e-8. The change for which the drive changes most nearly
+# in proportion is used. ENOUGH: relative deviation from proportion (see `_bent`) that ends the search.
+# STRAIGHT: largest deviation that is accepted.
 AT_PIEZO, ENOUGH, STRAIGHT = (1e-6, 1e-5, 1e-4, 1e-3), 1e-6, 0.01
-# Relative rounding error of the values of a drive; smaller changes count as none.
+# Rounding error of a drive's values and slopes, relative to the largest. `_bent` adds this error to the
+# change of the drive, so that differences caused by rounding do not count as a deviation from proportion.
 ROUNDING = 1e-11
-# Length of the neighbours' drive tables relative to the trajectory: the end of a segment may be later in a
-# neighbour.
+# Length of the neighbours' drive tables over the duration of the trajectory. The tables are longer, because a
+# segment may end later in a neighbour.
 LONGER = 1.01
-# Largest difference between the segments of a neighbour and those of the trajectory, in units of the relative
-# change of the parameter: of their times (relative to the run) and of their coefficients (relative).
+# Largest difference between the segments of two neighbouring drives, as a multiple of the relative change of
+# the parameter. The difference is that of start times over the duration, and that of polynomial coefficients
+# over the largest coefficient of the same power.
 MOST_APART = 100.0
 
 
 class Beside(NamedTuple):
-    """Drive with one changed parameter: its segment table, its period [s] (0: none), and the signed change of
-    the parameter."""
+    """Drive with one changed parameter.
+
+    Fields: `table`, the segment table (V); `period` [s], 0 if the drive does not repeat; `step`, the change
+    of the parameter in its SI unit, negative if the parameter was decreased.
+    """
 
     table: Drive
     period: float
@@ -45,35 +50,40 @@ class Beside(NamedTuple):
 
 
 def longer(of: Driven, end: float, settled: bool) -> Drive:
-    """Return the table of a drive from 0 to slightly beyond `end` [s], for at least two periods.
+    """Return the segment table of a drive from 0 to 1 % beyond `end` [s], and for at least two periods.
 
-    With `settled`, return one period in the steady state instead, after many periods.
+    Args:
+        of: waveform, and the piezo model through which it passes.
+        end: end of the trajectory, s.
+        settled: True returns one period instead, as it is after many periods; `end` is then not used.
     """
     return of.table(of.period if settled else max(LONGER * end, 2.0 * of.period), settled)
 
 
 def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float, settled: bool) -> Beside:
-    """Return the drive with one slightly changed parameter of the piezo or the waveform.
+    """Return the drive with one slightly changed parameter, for a difference quotient.
 
-    The parameter is increased; if the waveform does not allow that, it is decreased.
+    The parameter is increased; if the waveform does not allow the larger value, the parameter is decreased.
 
     Args:
-        model: the actuator.
-        name: name of the parameter.
-        given: the unchanged drive.
-        itself: table of the unchanged drive.
+        model: the actuator, whose drive is changed, but not the equations of motion.
+        name: name of a field of the waveform ("amplitude"), or of a number of the piezo ("piezo_weight_2").
+        given: the unchanged drive: waveform, piezo model, and precision of the table.
+        itself: segment table of the unchanged drive, from `longer`.
         end: end of the trajectory, s.
-        settled: see `longer`.
+        settled: True for one period in the steady state, see `longer`.
 
     Raises:
         QuantityError: the parameter can be changed in neither direction. Or there is no derivative, because
-            up to `end` the changed drive has other segments, or does not change in proportion.
+            the changed drive has other segments than the unchanged one, or because it does not change in
+            proportion to the parameter.
     """
     of_piezo, waveform = name in drive_names(model), given.waveform
     value = value_of(model, name, waveform)
 
     def at(by: float) -> Driven:
-        if of_piezo:  # not checked, because the changed value may exceed a bound
+        # The changed piezo is not checked, because the value may exceed a bound of its field by so little.
+        if of_piezo:
             return given._replace(piezo=changed_piezo(model, {name: value + by}))
         return given._replace(waveform=type(waveform)(**put_in(waveform, {name: value + by})))
 
@@ -109,8 +119,15 @@ def beside(model: Actuator, name: str, given: Driven, itself: Drive, end: float,
 
 
 def _alike(itself: Drive, table: Drive, size: float, end: float) -> bool:
-    """Return True if the tables of a drive (`itself`) and of its neighbour with the relative change `size`
-    have the same segments up to `end` [s], so that their difference gives a derivative."""
+    """Return True if a drive and its neighbour have the same segments, so that their difference gives a
+    derivative.
+
+    Args:
+        itself: segment table of the drive, whose segments are all compared.
+        table: segment table of the neighbour, which may have further segments at its end.
+        size: relative change of the parameter in the neighbour.
+        end: duration, s, to which differences of start times are compared.
+    """
     n = itself.start.size
     if table.start.size < n or not np.array_equal(table.first[: n + 1], itself.first[: n + 1]):
         return False
@@ -121,9 +138,14 @@ def _alike(itself: Drive, table: Drive, size: float, end: float) -> bool:
 
 
 def _bent(*tables: Drive) -> float:
-    """Return how far three drives at equal changes of a parameter (none, single, double) deviate from
-    proportion, relative to the change of the drive; values and slopes are compared in the middle of each
-    segment."""
+    """Return the deviation of a drive's change from proportion to the change of a parameter (no unit).
+
+    The second difference of the drives is divided by the first one; the larger ratio of those of the values
+    and of the slopes is returned. Both are taken in the middle of each segment.
+
+    Args:
+        tables: segment tables for the parameter unchanged, changed once, and changed by twice as much.
+    """
     n = min(table.start.size for table in tables)
     first, near, far = (
         np.array(evaluate(t, np.append(0.5 * (t.start[: n - 1] + t.start[1:n]), t.start[n - 1])))
@@ -134,11 +156,16 @@ def _bent(*tables: Drive) -> float:
 
 
 def breaks_apart(load: Drive | None, drive: Drive, end: float) -> NDArray[np.float64]:
-    """Return the times [s] before `end` at which a segment of the normal force ends, but no segment of the
+    """Return the times [s] between 0 and `end` at which a segment of the normal force starts, but none of the
     drive.
 
     The runs of all neighbours are divided at these times: segments of the drive shift with a changed
-    parameter, but those of the normal force do not. Without a `load` table, the array is empty.
+    parameter, but those of the normal force do not.
+
+    Args:
+        load: segment table of the relative normal force; None if constant: an empty array is returned.
+        drive: segment table of the unchanged drive.
+        end: end of the trajectory, s.
     """
     if load is None:
         return np.zeros(0)

@@ -34,11 +34,12 @@ MAX_PERIODS = 2000
 class Orbit(NamedTuple):
     """A periodic orbit.
 
-    Fields: `step`, net displacement per period, m; `state` at the start of the period; `multipliers`, growth
-    factors of small disturbances over one period (stable if all are below 1 in size; those below a half come
-    from a coarse integration and are accurate to about a hundredth); `converged`; `residual`, defect of state
-    and step before the last correction, m; `periods`, number integrated to find it; `error`, estimated error
-    of step and state, m.
+    Fields (m: rad for a rotary actuator): `step`, net displacement per period, m; `state` [states] at the
+    start of the period; `multipliers`, growth factors of small disturbances over one period (stable if all
+    are below 1 in size; those below a half come from a coarse integration and are accurate to about a
+    hundredth; NaN if they could not be computed); `converged`, True if the orbit was found; `residual`,
+    defect of state and step before the last correction, m; `periods`, number of periods integrated; `error`,
+    estimated error of step and state, m.
     """
 
     step: float
@@ -51,11 +52,11 @@ class Orbit(NamedTuple):
 
 
 def has_neighbours(plant: Plant) -> bool:
-    """Return True if derivatives can be computed by slightly changed runs with the same steps
+    """Return True if derivatives can be computed by slightly changed runs with the same integration steps
     (`engine.near`).
 
-    This excludes laws without states (events), with several states (corners), or with jumps: neighbours meet
-    these at different times.
+    This excludes laws without states (which stick and slip at events), with several states (whose force has
+    corners), or with jumps of the force: slightly changed runs meet these at different times.
     """
     one_state = all(elements(element.law) == 1 for element in plant.elements)
     return one_state and not any(has_jumps(element.law) for element in plant.elements)
@@ -72,15 +73,16 @@ def orbits_of(
     tolerance: float,
     slider: int,
 ) -> Orbits:
-    """Find the periodic orbits of members of one plant layout by `engine.orbits.find_orbits`.
+    """Return the periodic orbits of members of one plant layout, found by `engine.orbits.find_orbits`.
 
     Args:
-        plant: the layout.
+        plant: any plant of this layout.
         values: numbers of each plant [members, numbers].
         drives, load: drives of the members, and their relative normal force.
-        outcomes: outcome of each, in place; members that are not DONE are left out.
+        outcomes: outcome of each member (see `engine.outcome`), changed in place; members that are not DONE
+            at the start are left out.
         states: initial guesses [members, states], replaced by states on the orbits.
-        periods: period of each drive, s.
+        periods: period of each drive [members], s.
         tolerance: tolerance of the net step, m.
         slider: column of the end-effector's position, which advances by the net step.
     """
@@ -107,10 +109,16 @@ def find_orbit(
     period: float,
     tolerance: float,
 ) -> Orbit:
-    """Return the periodic orbit of one plant, found from the initial guess `start` of the state; see the
-    module.
+    """Return the periodic orbit of one plant; see the module.
 
-    `tolerance` [m] applies to the net step; `slider` is the column of the end-effector's position.
+    Args:
+        plant: the plant.
+        slider: column of the end-effector's position in the state.
+        drive: segment table of one period of the drive.
+        load: segment table of the relative normal force.
+        start: initial guess of the state [states].
+        period: s.
+        tolerance: tolerance of the net step, m.
 
     Raises:
         FloatingPointError: the motion could not be simulated over one period.
@@ -122,7 +130,8 @@ def find_orbit(
     if outcomes[0] not in (DONE, NOT_FOUND):
         raise FloatingPointError("the motion could not be followed over one period")
     moving = np.delete(np.delete(found.jacobian[0], slider, axis=0), slider, axis=1)
-    finite = bool(np.isfinite(moving).all())  # runs of neighbours may diverge if there is no orbit
+    # Without an orbit, slightly changed runs may diverge, so that derivatives are not finite.
+    finite = bool(np.isfinite(moving).all())
     multipliers = (np.linalg.eigvals(moving) if finite else np.full(len(moving), np.nan)).astype(
         np.complex128
     )

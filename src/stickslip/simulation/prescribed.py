@@ -81,8 +81,8 @@ def friction_response(
     )
 
     def finer(level: float, careful: bool) -> Prescribed:
-        # Where each interval between samples is already a single step, a smaller tolerance alone changes
-        # nothing, so the intervals are divided.
+        # Divide the intervals between samples as well: if each is already a single integration step, a
+        # smaller tolerance alone does not change the result.
         return run(level, math.ceil(math.sqrt(LOOSE * tolerance / level) - 1e-9))
 
     made, error = refined(finer, _apart, lambda made: 0, tolerance)
@@ -98,8 +98,12 @@ def friction_response(
 
 
 class Prescribed(NamedTuple):
-    """Result of a law under a prescribed motion up to sample `reached`: time [s], position [m] and force [N],
-    all [n], and `states` [n, elements] (a static law: one column)."""
+    """Result of a law under a prescribed motion.
+
+    Fields: `time` [s], `position` [m] and `force` [N], all [n]; `states` [n, elements], deflections [m] (one
+    column for a static law: its force over its breakaway force); `reached`, number of samples that could be
+    computed, after which force and states are NaN.
+    """
 
     time: NDArray[np.float64]
     position: NDArray[np.float64]
@@ -109,8 +113,8 @@ class Prescribed(NamedTuple):
 
 
 def _apart(one: Prescribed, other: Prescribed) -> float:
-    """Return the largest difference of a deflection between two runs, m; NaN if one does not reach the
-    end."""
+    """Return the largest difference of the states between two runs at the same sample, m; NaN if a run does
+    not reach the end."""
     return float(np.max(np.abs(one.states - other.states)))
 
 
@@ -125,8 +129,11 @@ def _refuse_unfinished(made: Prescribed, tolerance: float) -> None:
 def prescribed_once(
     law: Any, time: ArrayLike, position: ArrayLike, tolerance: float, **how: Any
 ) -> Prescribed:
-    """Simulate a law under a motion with local errors within the tolerance [m], without an estimate of the
-    total error: for fits, which repeat it many times. Arguments and errors as for `friction_response`."""
+    """Simulate a law under a motion once, for fits, which repeat this many times.
+
+    The local error of a deflection in each step is within the tolerance [m]; the total error is not
+    estimated. The other arguments (`how`: those by name) and the errors are those of `friction_response`.
+    """
     made = prescribed(law, time, position, **how)(checked_tolerance(law, tolerance), 1)
     _refuse_unfinished(made, tolerance)
     return made
@@ -143,8 +150,15 @@ def prescribed(
     initial_force: float | str = 0.0,
     initial_velocity: float | str = 0.0,
 ) -> Callable[[float, int], Prescribed]:
-    """Return a function that simulates the law under the motion; its arguments are the bound on local errors,
-    m, and the number of parts into which each interval between samples is cut. See `friction_response`."""
+    """Return a function that simulates the law under the motion, as `friction_response` describes the
+    arguments.
+
+    The function gets the largest local error of a deflection [m], and the number of parts into which each
+    interval between samples is divided. It returns a `Prescribed` at the original samples.
+
+    Raises:
+        QuantityError: see `friction_response`.
+    """
     reference = to_si(reference_normal_force, "N", "reference_normal_force")
     initial_force = to_si(initial_force, "N", "initial_force")
     initial_velocity = to_si(initial_velocity, "m/s", "initial_velocity")
@@ -180,6 +194,7 @@ def prescribed(
 
 
 def _in_parts(values: NDArray[np.float64], parts: int) -> NDArray[np.float64]:
-    """Return samples of a piecewise linear signal with each interval divided into `parts` equal parts."""
+    """Return the samples [n] of a signal, linear in between, with each interval divided into equal
+    `parts`."""
     between = values[:-1, None] + np.diff(values)[:, None] * (np.arange(parts) / parts)
     return np.append(between.ravel(), values[-1])

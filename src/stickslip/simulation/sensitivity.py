@@ -44,31 +44,33 @@ from .varied import (
 if TYPE_CHECKING:
     import xarray as xr
 
-REFERENCE = RelativeLoad()  # the normal force at which the parameters hold
-INITIAL = {  # names of the parts of the initial state, with their units
+REFERENCE = RelativeLoad()  # constant normal force at which the friction parameters are valid
+INITIAL = {  # parameter names of the initial state, with units for a linear actuator
     "initial_stage_position": "m",
     "initial_stage_velocity": "m/s",
     "initial_end_effector_position": "m",
     "initial_end_effector_velocity": "m/s",
     "initial_bristle_deflection": "m",
 }
-BY_ROW = "initial row "  # internal name: this prefix and an index mean the initial value of that state
-# Derivatives are accepted if they change by less than SETTLED times the largest value in time when the
-# tolerance is divided by ten; REFINED is the largest number of such divisions.
+BY_ROW = "initial row "  # prefix of an internal name: "initial row 3" means the initial value of state 3
+# A derivative is accepted if, with a tolerance ten times smaller, it changes by at most SETTLED times its
+# largest value over time. REFINED: largest number of times that the tolerance is divided by ten.
 SETTLED, REFINED = 0.01, 4
 # A damping below this fraction of mass times natural frequency (even 0) is changed as if it had that value.
 LEAST_DAMPING = 1e-3
-DAMPING = ("N s/m", ANGLE.unit("N s/m"))  # units of a damping
+DAMPING = ("N s/m", ANGLE.unit("N s/m"))  # unit of a damping, for a linear and for a rotary actuator
 
 
 class NeighbouringModels(NamedTuple):
-    """A model and its neighbours (one slightly changed value each), for derivatives by differences.
+    """A model and its neighbours, each with one slightly changed parameter or initial value.
 
     Attributes:
-        values, states: parameters and initial state, a row per neighbour; `steps` are the changed amounts.
+        model, of: the unchanged model, and its plant.
+        values, states: numbers of the plant (see `values_of`) and initial state, a row per neighbour.
+        steps: change of the parameter of each neighbour, signed, in the parameter's SI unit.
         drives, periods: drive and period [s] (0: none) of each neighbour; None if all have the same drive.
-        itself: drive table of the unchanged model, with the same segments as the neighbours' drives.
-        breaks: times of jumps of the normal force, s; all neighbours start a segment at these times.
+        breaks: times [s] at which only the normal force has a new segment; all drives get one there.
+        itself: drive table of the unchanged model, if neighbours have their own drives.
     """
 
     model: Actuator
@@ -83,22 +85,21 @@ class NeighbouringModels(NamedTuple):
 
 
 def initial_row(of: System, name: str) -> int | None:
-    """Return the index of the state whose initial value a name means; None for any other name."""
+    """Return the index of the state whose initial value a name (`INITIAL`, `BY_ROW`) means, or None."""
     if name.startswith(BY_ROW):
         return int(name.removeprefix(BY_ROW))
     return row_of(of, name.removeprefix("initial_")) if name in INITIAL else None
 
 
 def _small(of: System, row: int) -> float:
-    """Return the change of an initial value for a derivative (m or m/s), small compared with the motion; for
-    a stop operator of a piezo, large compared with the accuracy of its bound."""
+    """Return the change of the initial value of state `row` for a difference quotient, m or m/s."""
     if row >= of.bodies:
         return 1e-13 if row < of.inner else 1e-10
     return 1e-9 if row % 2 else 1e-12
 
 
 def refuse_law(model: Actuator) -> None:
-    """Raise QuantityError if the motion is not a smooth function of the parameters."""
+    """Raise QuantityError for a law without internal states, or one whose force jumps: no derivatives."""
     if model.clamped:
         return
     if elements(model.friction) == 0:
@@ -126,12 +127,12 @@ def moved(
     settled: bool = False,
     tolerance: float = 1e-9,
 ) -> NeighbouringModels:
-    """Return the neighbours of a model at a given state, one for each name.
+    """Return the neighbours of a model at a given initial state, one for each parameter name.
 
-    With `before` [V], each neighbour starts at rest under this voltage. With a `waveform`, simulated up to
-    `end` [s], names may be its fields, and the neighbour has its own drive; if `settled`, the drive is one
-    period after many. Tables are accurate to the tolerance [m]. The rows `slipping` of the state are on the
-    bounds of each neighbour.
+    With `before` [V], each starts at rest under this voltage, and not in `state`. With a `waveform`,
+    simulated up to `end` [s], names may be its fields; if `settled`, drives are one period in the steady
+    state. `contact` is the normal force. Drive tables are accurate to the position `tolerance` [m]. The
+    states with indices `slipping` are put on the bound of each neighbour's law.
 
     Raises:
         QuantityError: a name that is not known, a static law, or one whose force jumps.
@@ -159,7 +160,7 @@ def moved(
                 own = contact.rest(of, table.before)
         elif (row := initial_row(of, name)) is not None:
             step = _small(of, row)
-            if row >= of.bodies:  # towards 0, because the deflection may be at a bound
+            if row >= of.bodies:  # change a deflection towards 0, because it may be at its bound
                 step = -math.copysign(step, own[row])
             own[row] += step
         else:
@@ -185,7 +186,7 @@ def moved(
             tables.append(table)
             periods.append(period)
     breaks = np.zeros(0) if itself is None else breaks_apart(contact.table, itself, end)
-    n = len(names)  # without names, the tables below keep their number of columns
+    n = len(names)  # if 0, the arrays below still have their number of columns
     return NeighbouringModels(
         model,
         of,
@@ -200,7 +201,7 @@ def moved(
 
 
 def _step(model: Actuator, name: str, value: float) -> float:
-    """Return the change of a value for a derivative: a millionth, or more for a small damping."""
+    """Return the change of a parameter for a difference quotient, in its SI unit (see `LEAST_DAMPING`)."""
     least = LEAST_DAMPING * model.end_effector_mass * model.natural_frequency
     if abs(value) < least < math.inf:
         quantity = quantity_of(model, None, name)
@@ -210,7 +211,7 @@ def _step(model: Actuator, name: str, value: float) -> float:
 
 
 def _with_law(of: System, law: Any) -> System:
-    """Return the system with another law of the same type in the contact."""
+    """Return the system with another friction law of the same type in its contact."""
     contact, *others = of.plant.elements
     return of._replace(plant=of.plant._replace(elements=(contact._replace(law=law), *others)))
 
@@ -225,10 +226,10 @@ def follow_moved(
     load: Drive | None = None,
     over_period: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Integrate a model with its neighbours; return samples, and derivatives of position and last state.
+    """Integrate a model with its neighbours; return samples (see `engine.binding.integrate`), and derivatives
+    of the end-effector's position [times, names] and of the last state [states, names].
 
-    Shapes: derivatives [times, names] and [states, names]; samples as in `engine.binding.integrate`. `state`
-    is replaced by the last state. With `over_period` each neighbour continues to the end of its own period.
+    `state` is replaced by the last state. With `over_period` each neighbour ends after its own period.
 
     Raises:
         SimulationError: the motion could not be simulated to the end.
@@ -275,9 +276,8 @@ def sensitivities(
     """Return the end-effector's position and its derivatives by parameters and initial state.
 
     Each derivative is a difference quotient with a neighbour that has the same integration steps as the
-    trajectory (see `engine.near`), so it contains no noise of the error control. Derivatives may need smaller
-    steps than the position: they are computed at a tenth of the tolerance, a hundredth and so on, until two
-    agree within a hundredth of the largest value.
+    trajectory (see `engine.near`), so it contains no noise of the error control. Derivatives are computed at
+    the tolerance, at a tenth of it and so on, until two agree within a hundredth of the largest value.
 
     Args:
         model: an actuator whose law has internal states, and no jumps of its force.
@@ -292,8 +292,7 @@ def sensitivities(
     Returns:
         Dataset over "parameter" and "time" (s) of derivative, in m per unit of the parameter, whose unit is
         the coordinate "unit"; end_effector_position (m); and derivative_error [parameter]: change of the
-        derivative since ten times the tolerance. If it still exceeds a hundredth after four attempts, a
-        `SimulationWarning` names the parameter.
+        derivative since ten times the tolerance. A `SimulationWarning` names parameters that do not agree.
 
     Raises:
         QuantityError: an unknown name, a static law, a waveform whose jumps move with the smallest change of
@@ -312,7 +311,7 @@ def sensitivities(
     contact = contact_load(load, end)
     state = contact.rest(contact.system(model), drive.before)
     of = moved(model, parameters, state, drive.before, contact, waveform, end, tolerance=tolerance)
-    if of.itself is not None:  # the same segments as the neighbours; with creep, they depend on the end
+    if of.itself is not None:  # with creep, segments depend on the end of a table: use the neighbours' end
         drive = of.itself
 
     def derivatives(tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -349,7 +348,7 @@ def sensitivities(
 
 
 def checked_names(parameters: Any) -> list[str]:
-    """Return the names of parameters as a list; raise QuantityError for anything else."""
+    """Return a collection of parameter names as a list; raise QuantityError for anything else."""
     given = parameters if isinstance(parameters, Collection) and not isinstance(parameters, str) else [None]
     if not all(isinstance(name, str) for name in given):
         raise QuantityError(f"parameters = {parameters!r} must be a list of names")
@@ -361,8 +360,9 @@ def until_settled(
     tolerance: float,
     least: NDArray[np.float64] | float = 0.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return samples, derivatives [times, names] and their errors [names] of the function `derivatives`, at
-    the first tolerance at which they settle. Errors below `least` [names] do not matter."""
+    """Return the results of `derivatives`, a function of the tolerance [m], when they are accepted
+    (`SETTLED`; errors up to `least` [names] always): samples, derivatives [times, names], and errors [names].
+    An error is the largest change since the previous tolerance, which was ten times larger."""
     samples, by = derivatives(tolerance)
     errors = np.full(by.shape[1], math.inf)
     for _ in range(REFINED):
@@ -380,7 +380,7 @@ def warn_unsettled(
     errors: NDArray[np.float64],
     least: NDArray[np.float64] | float,
 ) -> None:
-    """Warn, by name, of parameters whose derivatives `by` [times, names] have too large `errors` [names]."""
+    """Issue a `SimulationWarning` for each name whose derivative `until_settled` could not accept."""
     largest = np.abs(by).max(axis=0, initial=0.0)
     for name, error, most, enough in zip(names, errors, largest, least + 0.0 * errors, strict=True):
         if not error <= SETTLED * most + enough:
@@ -390,7 +390,7 @@ def warn_unsettled(
 
 
 def internal(of: System) -> list[tuple[int, Any]]:
-    """Return index and element record of each state that belongs to an element, as pairs."""
+    """Return pairs of a state's index in the plant and the friction element (record) whose state it is."""
     parts = [part_of(e.law, i) for e in of.plant.elements for i in range(elements(e.law))]
     return list(enumerate(parts, of.bodies))
 

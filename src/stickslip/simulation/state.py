@@ -23,18 +23,21 @@ from .models import RelativeLoad, System
 if TYPE_CHECKING:
     import xarray as xr
 
-# Limits of a deflection over its bound: up to ROUNDED (errors of a trajectory) it stays; up to FARTHEST (a
-# run with other friction) it is moved to its bound; beyond, it is refused.
+# Deflection of a bristle in a `State` over the largest one that sliding can cause. Up to ROUNDED, the errors
+# of a trajectory explain the excess, and the deflection stays. Up to FARTHEST, the state may come from a run
+# with other friction, and the deflection is moved to its bound. Above, the state is refused.
 ROUNDED, FARTHEST = 1.01, 2.0
 
 
 class State(NamedTuple):
-    """State of an actuator or a pulled slider at a time, in SI; None means as at rest.
+    """State of an actuator or a pulled slider at a time, in SI (m, or rad for a rotary actuator). A position,
+    velocity or deflection that is None has its value at rest.
 
-    Fields: `time` [s] of the drive; `error_estimate` [m], accumulated error of the end-effector; `resume` and
-    `made_by`, data of the solver to continue a trajectory without any difference; `further`, position [m] and
-    velocity [m/s] of each mode of a stage with several, and the stop operators of a `MaxwellCapacitor` in
-    1e-7 m per volt (empty: at rest).
+    Fields: `time` [s] of the drive; `error_estimate` [m], accumulated error of the end-effector's position;
+    `resume`, numbers of the solver with which a trajectory continues without any difference, and `made_by`,
+    the hash of the run to which they belong (see `maker`); `further`, position [m] and velocity [m/s] of each
+    mode of a stage with several modes, then the states of the stop operators of a `MaxwellCapacitor`, in 1e-7
+    m per volt (empty: at rest).
     """
 
     time: float = 0.0
@@ -76,11 +79,19 @@ def _number(value: Any) -> Any:
 
 
 def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any) -> State | None:
-    """Return the initial state of a trajectory, from a `State` or a previous trajectory; None if
-    `initial_state` is None.
+    """Return the initial state of a trajectory as a `State`; None if `initial_state` is None.
 
-    Warns if the piezo has memory and the drive until the state's time differs from the previous one: the
-    memory of hysteresis and creep is not part of the state, but computed from the complete drive.
+    Issues a `SimulationWarning` if the piezo has hysteresis or creep, and the new waveform differs from the
+    drive of the previous trajectory before the state's time. The memory of the piezo is not part of the
+    state, but computed from the complete waveform.
+
+    Args:
+        initial_state: a `State`, or a trajectory from `simulate`, which continues.
+        model: the actuator or pulled slider.
+        waveform: drive of the new trajectory, whose time 0 is that of the previous one.
+
+    Raises:
+        QuantityError: wrong type, or the trajectory has no final state.
     """
     if initial_state is None:
         return None
@@ -107,16 +118,17 @@ def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any
 
 
 def as_text(state: State) -> str:
-    """Return the state as JSON with exact numbers."""
+    """Return the state as a JSON object with its fields; numbers are written with all digits."""
     return json.dumps(state._asdict())
 
 
 def maker(of: System, drive: Drive, load: Drive, tolerance: float, until: float) -> str:
-    """Return a hash of plant, tolerance, drive and load up to the time `until` [s]. If it is the same in a
-    continued run, the solver's data can be used, and the result is the same to the last bit."""
+    """Return a hash, 16 hexadecimal digits, of plant, tolerance, drive and load up to the time `until` [s].
+
+    If a continued run has the same hash, it can start from `State.resume`, and its result is that of one run
+    to the last bit."""
     found = hashlib.sha256(repr((of.plant, tolerance)).encode())
     for table in (drive, load):
-        # the number of segments before that time
         n = int(np.searchsorted(table.start, until * (1.0 - SLIVER)))
         parts = (table.start[:n], table.polynomial[:n], table.harmonic[: table.first[n]])
         for part in (np.array(table.before), *parts):
@@ -124,7 +136,8 @@ def maker(of: System, drive: Drive, load: Drive, tolerance: float, until: float)
     return found.hexdigest()[:16]
 
 
-# Parts of a `State`: the body, and 0 for its position or first deflection, 1 for its velocity.
+# Place of each part of a `State` in the plant's state: body, and offset from the body's position (or from the
+# first bristle): 0 for the position, 1 for the velocity.
 PARTS = {
     "stage_position": ("stage", 0),
     "stage_velocity": ("stage", 1),
@@ -135,8 +148,8 @@ PARTS = {
 
 
 def row_of(of: System, part: str) -> int | None:
-    """Return the index of a part (a key of `PARTS`) in the plant's state; None if this plant has no such
-    state."""
+    """Return the index of a part of the state (a key of `PARTS`) in the plant's array of states; None if this
+    plant has no such state, or several modes of the stage."""
     body, offset = PARTS[part]
     bristle = None if of.clamped or not of.internal else of.bodies
     first = {"stage": of.stage, "slider": of.slider, "bristle": bristle}[body]
@@ -144,12 +157,18 @@ def row_of(of: System, part: str) -> int | None:
 
 
 def placed(state: State, of: System, contact: RelativeLoad, before: float) -> NDArray[np.float64]:
-    """Return a `State` as the solver's array of numbers. Parts that are None are as at rest under the drive
-    `before` [V].
+    """Return a `State` as the solver's array [states]; parts that are None have their values at rest.
+
+    Args:
+        state: the state.
+        of: system of the model.
+        contact: relative normal force, for the values at rest.
+        before: drive for the values at rest, V (m for a pulled slider).
 
     Raises:
-        QuantityError: a number that is not finite, another number of bristles than the law has, or a bristle
-            that is deflected much further than sliding can deflect it.
+        QuantityError: a number that is not finite or a negative time; `further` or the deflections have
+            another length than this model needs; a stage of several modes is given by a single position; or
+            a bristle is deflected much further than sliding can deflect it.
     """
     q = contact.rest(of, before)
     if state is REST:
@@ -182,11 +201,10 @@ def placed(state: State, of: System, contact: RelativeLoad, before: float) -> ND
 
 
 def _within_bounds(deflections: tuple[float, ...], of: System) -> list[float]:
-    """Return deflections [m] within the law's bounds; those slightly beyond, left by a run with other
-    friction, are moved to their bound.
+    """Return the bristle deflections [m]; those beyond their bound by more than rounding are moved to it.
 
     Raises:
-        QuantityError: a deflection is so far beyond its bound that sliding cannot cause it.
+        QuantityError: a deflection exceeds its bound by more than the factor `FARTHEST`.
     """
     placed, law = list(deflections), of.contact.law if of.contact is not None else None
     for i, z in enumerate(deflections if law is not None else ()):

@@ -20,7 +20,8 @@ from .periodic import Orbit, find_orbit
 from .refinement import FINER
 from .trajectory import checked_tolerance, not_within
 
-# Largest multiplier (growth of a disturbance per period) that counts as stable: 1, and a margin for rounding.
+# Largest multiplier (growth factor of a disturbance per period) that counts as stable. Multipliers of exactly
+# 1 are allowed; the margin is for their errors.
 STABLE = 1.0 + 1e-5
 NOT_FOLLOWED = "the motion could not be followed over one period"
 
@@ -32,13 +33,13 @@ def steady_orbit(
 
     Args:
         model: an actuator.
-        waveform: periodic (one with a `period`).
-        tolerance: tolerance of the net step, m.
+        waveform: periodic waveform (one with a `period`), V. A limit on the number of periods is ignored.
+        tolerance: tolerance of the net step, m, or rad for a rotary actuator.
         load: normal force relative to its reference: a number, or a waveform whose period is that of the
             drive or an integer fraction of it.
 
-    With creep, or hysteresis of Duhem's form, the drive of the stage is approximated by a table; the error of
-    the orbit includes the effect of a finer table.
+    With creep, or hysteresis of Duhem's form, the drive of the stage is only approximated by its table. The
+    orbit is then computed a second time with a finer table; the change is added to its error.
 
     Raises:
         QuantityError: the waveform has no period, the load another one, or see `simulate`.
@@ -81,14 +82,14 @@ def period_of(waveform: Waveform) -> float:
 
 
 def stable(largest: Any) -> Any:
-    """Return True (or an array) where a motion with this largest absolute multiplier is stable; NaN counts as
-    stable."""
+    """Return True where a periodic motion is stable, from its largest absolute multiplier: a number, or an
+    array whose shape the result has. NaN (multipliers not computed) counts as stable."""
     return ~(np.asarray(largest) > STABLE)
 
 
 def not_found(periods: int, residual: float, largest: float) -> str:
-    """Return the message that no periodic motion was found: `periods` computed, `residual` [m], and `largest`
-    growth factor per period."""
+    """Return the message that no periodic motion was found in `periods` periods. `residual` [m] is the
+    remaining change of the state per period, `largest` the largest absolute multiplier."""
     return (
         f"no motion with the period of the drive was found in {periods} periods: the state still "
         f"changes by {with_prefix(residual, 'm')} per period (largest multiplier {largest:.3g})"
@@ -96,8 +97,8 @@ def not_found(periods: int, residual: float, largest: float) -> str:
 
 
 def unstable(largest: float) -> str:
-    """Return the message that the periodic motion is unstable; `largest` is the growth factor of a
-    disturbance per period."""
+    """Return the message that the periodic motion is unstable; `largest` is the largest absolute
+    multiplier."""
     return (
         f"the motion with the period of the drive is unstable (largest multiplier {largest:.3g}): the "
         "actuator will not settle into it"
@@ -107,15 +108,16 @@ def unstable(largest: float) -> str:
 def steady_step(
     model: Actuator, waveform: Waveform, *, tolerance: float | str = 1e-10, load: Waveform | float = 1.0
 ) -> float:
-    """Return the net displacement of the end-effector per period of the periodic motion, m; negative if it
-    walks backward.
+    """Return the net displacement of the end-effector per period of the periodic motion, m (rad for a rotary
+    actuator); negative if it walks backward.
 
     The periodic orbit is computed directly, without a long simulation, and its error is estimated (see
-    `steady_orbit`, which has the same arguments and also returns the multipliers).
+    `steady_orbit`, which has the same arguments and also returns the multipliers). A `SimulationWarning` is
+    issued if the error may exceed the tolerance.
 
     Raises:
         NotPeriodicError: no orbit of the drive's period was found, or it is unstable.
-        QuantityError: see `steady_orbit`.
+        QuantityError, SimulationError: see `steady_orbit`.
     """
     tolerance = checked_tolerance(model, tolerance)
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)

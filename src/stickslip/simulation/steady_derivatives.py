@@ -35,10 +35,11 @@ from .varied import value_of
 
 Array = NDArray[np.float64]
 
-# A disturbance that changes by less than this fraction per period counts as permanent.
+# Smallest distance of a multiplier (growth of a disturbance over one period) from 1 for which there are
+# derivatives. With a multiplier of 1, a disturbance stays for ever, and the orbit is not unique.
 KEPT = 1e-6
-# Distance, as a fraction of its bound, by which a state is moved to the side where its element slips: much
-# larger than the changes for difference quotients.
+# Distance, over the bound of an element's state, by which `_off_edges` moves the state to the side where the
+# element slips. It is much larger than the changes for difference quotients.
 ASIDE = 1e-4
 
 
@@ -50,7 +51,11 @@ def steady_step_derivatives(
     tolerance: float | str = 1e-10,
     load: Waveform | float = 1.0,
 ) -> dict[str, float]:
-    """Return derivatives of `steady_step` by parameters, by name, in m per unit of the parameter.
+    """Return the derivative of `steady_step` by each parameter, by name, in m (rad) per unit of the
+    parameter.
+
+    The arguments are those of `steady_step`; `parameters` are names as for `sensitivities`, without those of
+    the initial state.
 
     With r the periodic state and G the map of one period, the orbit changes by dr = (I - dG/dr)^-1 dG/dp, and
     the step by its own derivatives by r and p. As for `sensitivities`, they are computed at a tenth of the
@@ -78,7 +83,8 @@ def steady_step_derivatives(
         return moved(model, names, state, None, contact, endless(waveform), period, slipping, True, tolerance)
 
     def last_states(of: NeighbouringModels, state: Array, tolerance: float) -> tuple[Array, Array]:
-        """Return the state one period after `state`, and its derivatives by the varied values."""
+        """Return the state one period after `state`, and its derivatives [states, names] by the varied
+        values, integrated at a tolerance [m]."""
         last = state.copy()
         _, _, by = follow_moved(of, drive, last, times, tolerance, load=contact.table, over_period=True)
         return last, by
@@ -116,15 +122,16 @@ def steady_step_derivatives(
 
 
 def _off_edges(of: System, state: Array, slipping: set[int], after: Callable[[Array], Array]) -> Array:
-    """Return the state with elements that only just reach their bound within the period moved to the side
-    where they slip.
+    """Return a periodic state in which elements at the limit between slipping and not slipping are moved.
 
-    In such a period an element ends exactly where slipping stops. On the other side of this limit it would
-    never slip, and would keep its initial state for ever, so that there would be no derivative.
+    An element that only just reaches its bound in the period slips if its state is changed to one side. On
+    the
+    other side it would never slip, and would keep its initial state for ever: there would be no derivative.
+    The state is changed by `ASIDE` towards the side where the element slips.
 
     Args:
         of: the system.
-        state: state at the start of a period.
+        state: state [states] at the start of a period.
         slipping: indices of states that slip at the start; they are not changed.
         after: function from a state to the state one period later.
     """
@@ -140,9 +147,14 @@ def _off_edges(of: System, state: Array, slipping: set[int], after: Callable[[Ar
 
 
 def _on_bounds(of: System, state: NDArray[np.float64], drive: Drive) -> set[int]:
-    """Return the indices of the element states that slip on their bound at the start of the motion.
+    """Return the indices of the element states that are at their bound and slip at the start of the period.
 
-    A change of such a state is lost at once, and a neighbour beside the bound would cross it within a step.
+    The orbit does not depend on a small change of such a state, because slipping removes the change at once.
+
+    Args:
+        of: the system.
+        state: state [states] at the start of the period.
+        drive: segment table of the drive.
     """
     u, rate, _ = value_slope_curvature(drive, 0, 0.0)
     v, found = speeds(of.plant, state, u, rate), set()

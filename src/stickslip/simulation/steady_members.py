@@ -47,17 +47,21 @@ if TYPE_CHECKING:
 
 CONVERGED, STOPPED, MISSED, UNSTABLE, REFUSED = range(5)
 STATUS = ("converged", "not_followed", "not_found", "unstable", "refused")
-BLOCK = 64  # largest number of members in a block
+BLOCK = 64  # largest number of members that one thread computes as a block
 
 
-# Function that computes further results of a block, arrays by name, from its members, their varied values,
-# orbits and status codes. It is called in the thread that found the orbits.
+# Type of a function that computes further results of a block. Its arguments are the members, their varied
+# values by name, their orbits, and their status codes; it returns arrays by name. It is called in the thread
+# that found the orbits.
 Beside = Callable[[Members, Columns, Orbits, NDArray[np.int8]], dict[str, NDArray[np.float64]]]
 
 
 class _SteadyTask(NamedTuple):
-    """Settings of the search for steady steps. `tables` is a function from the tolerance [m] to the drive
-    table that all members share, or None; `beside` computes further results, or is None."""
+    """Arguments of `orbit_blocks` for the work on each block.
+
+    `tables` is a function from the tolerance [m] to the drive table that all members share; None if members
+    have different drives. `beside` computes further results of a block; None: no further results.
+    """
 
     model: Actuator
     waveform: Waveform
@@ -69,8 +73,11 @@ class _SteadyTask(NamedTuple):
 
 
 class OrbitBlock(NamedTuple):
-    """Orbits of a block of members, with a status code (index in `STATUS`) and a reason (empty if converged)
-    for each. `beside` contains the further results by name."""
+    """Orbits of a block of members.
+
+    Fields: `found`, the orbits; `status`, a code for each member (index in `STATUS`); `reasons`, why each
+    orbit failed ("" if converged); `beside`, further results, arrays by name (see `Beside`).
+    """
 
     found: Orbits
     status: NDArray[np.int8]
@@ -96,15 +103,15 @@ def steady_steps(
         model: the actuator that the members vary.
         waveform: periodic (one with a `period`), V.
         parameters: one array per name, all [members], as for `simulate_ensemble`.
-        tolerance: tolerance of the net step, m.
+        tolerance: tolerance of the net step, m, or rad for a rotary actuator.
         load: normal force relative to its reference, for all members: a number, or a waveform as for
-            `steady_orbit`; members whose period it does not fit are refused.
+            `steady_orbit`; members with a period that the waveform does not fit are refused.
         output: converter and amplifier that each drive passes (`OutputStage.behind`); by default, the drive
             reaches the piezo unchanged.
         stack: piezo stack that each drive charges; adds peak_current and rms_current (A),
             energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
-        threads: number; by default all processors.
-        progress: called after each block of members with the current step and the done share.
+        threads: number of threads; by default one per processor.
+        progress: function that is called after each block with the activity and the finished fraction.
 
     Returns:
         Dataset over "member" with the parameters, net_step (m per period; NaN if not found), error_estimate
@@ -142,23 +149,25 @@ def orbit_blocks(
     beside: Beside | None = None,
     output: OutputStage | None = None,
 ) -> Iterator[tuple[int, OrbitBlock]]:
-    """Yield the orbits of members, block by block, with the index of the first member of each block.
+    """Yield pairs: the index of the first member of each block, and the orbits of the block.
 
     Args:
         columns: result of `members.checked_columns`; the other arguments as for `steady_steps`.
-        beside: function for further results of each block (see `Beside`); the states of its members are those
-            on the orbits, at the start of a period.
-        output: output stage of the drives.
+        beside: function for further results of each block (see `Beside`). The states of the members that it
+            gets are those on the orbits, at the start of a period.
+        output: converter and amplifier that each drive passes; by default none.
 
     Raises:
         QuantityError: see `steady_orbit`.
     """
     period, waveform = period_of(waveform), endless(waveform)
-    if output is not None and not waveform_columns(waveform, columns):  # all members share one drive
+    # If no field of the waveform varies, all members share one drive, which passes the output stage only
+    # once.
+    if output is not None and not waveform_columns(waveform, columns):
         waveform, output = of_kind(output, OutputStage, "output").behind(waveform), None
         period = period_of(waveform)
     tolerance = checked_tolerance(model, tolerance)
-    contact_load(load, period)  # raises the errors of an invalid load before the computation
+    contact_load(load, period)  # raises QuantityError for an invalid load, before any member is computed
     refuse_other_period(load, _common_period(period, columns))
     refuse_places(model)
     own = output is not None or own_tables(model, waveform, columns)
@@ -169,8 +178,12 @@ def orbit_blocks(
 
 
 def _common_period(period: float, columns: Mapping[str, NDArray[np.float64]]) -> float | None:
-    """Return the period that all members share, s; None if periods differ or one is not positive. `period` is
-    that of the unchanged waveform."""
+    """Return the period that all members share, s; None if periods differ, or the first is not positive.
+
+    Args:
+        period: period of the unvaried waveform, s.
+        columns: varied values by name, [members].
+    """
     if not any(name.startswith(("frequency", "period")) for name in columns):
         return period
     own = columns.get("frequency", columns.get("period", np.zeros(1)))
@@ -204,8 +217,14 @@ def _block(task: _SteadyTask, columns: Mapping[str, NDArray[np.float64]]) -> Orb
 def _orbits(
     task: _SteadyTask, columns: Columns, tolerance: float, states: NDArray[np.float64] | None = None
 ) -> tuple[Members, Orbits]:
-    """Return the members, with drive tables for a tolerance [m], and their orbits. The search starts from
-    `states` [members, states], or from rest if None."""
+    """Return a block of members and their orbits.
+
+    Args:
+        task: settings of the search.
+        columns: varied values of the block by name, [members].
+        tolerance: tolerance of the position, m, for the precision of the drive tables.
+        states: initial guesses of the states on the orbits [members, states]; None: rest.
+    """
     rows = task.model, task.waveform, task.tables, task.load, columns
     of = prepared(*rows, None, tolerance, periodic=True, output=task.output)
     if states is not None:

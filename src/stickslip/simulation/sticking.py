@@ -14,11 +14,13 @@ from .models import system
 
 Array = NDArray[np.float64]
 
-_DEFLECTION, _VELOCITY = 1e-9, 1e-6  # differences in m and m/s for the slopes, small compared with presliding
+# Deflection [m] and velocity [m/s] for the difference quotients in `slopes`, small compared with presliding.
+_DEFLECTION, _VELOCITY = 1e-9, 1e-6
 
 
 def slopes(law: Any) -> tuple[float, float]:
-    """Return stiffness ∂F/∂z [N/m] and damping ∂F/∂v [N s/m] of a friction law at rest, by differences."""
+    """Return stiffness ∂F/∂z [N/m] and damping ∂F/∂v [N s/m] of a friction law at rest, by difference
+    quotients, summed over the elements of the law; F is the force, z the deflection, v the velocity."""
     stiffness = damping = 0.0
     for i in range(elements(law)):
         one = element(law, i)
@@ -29,8 +31,10 @@ def slopes(law: Any) -> tuple[float, float]:
 
 
 class Sticking(NamedTuple):
-    """Linear model ẋ = A x + B u with the position of the end-effector C x; shapes (n, n), (n,), (n,); u in
-    V, position in m."""
+    """Linear model ẋ = A x + B u of an actuator, with the position of the end-effector C x.
+
+    Fields: `a` (n, n), `b` (n,) and `c` (n,) with n states; voltage u in V, positions in m (rad), t in s.
+    """
 
     a: Array
     b: Array
@@ -38,7 +42,8 @@ class Sticking(NamedTuple):
 
 
 def sticking(model: Actuator) -> Sticking:
-    """Return the linear model of an actuator about rest; its states are position and velocity of each mode.
+    """Return the linear model of an actuator about rest. Its states are position [m] and velocity [m/s] of
+    each mode of the stage, then of the end-effector (not if it is clamped).
 
     Hysteresis and creep of the piezo are left out: its gain is the actuator's.
 

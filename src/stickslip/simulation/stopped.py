@@ -32,18 +32,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-PER_CYCLE = 64.0  # checks of the position in the time 2 pi / rate of the plant
+PER_CYCLE = 64.0  # number of checks of the position in the time 2 pi / rate of the plant
 LOOKS = 4096  # largest number of checks in one run of the engine
-CLOSE = 1e-3  # distance from a stop, as a fraction of the tolerance, at which a resting body becomes free
-STILL = 1e-3  # a rebound slower than this fraction of tolerance times rate counts as rest at the stop
-HALVINGS = 48  # halvings of an interval in which a body may leave a stop and return
-# R, as a multiple of the plant's rate times the speed of the fastest impact: first value, factor if R is too
-# small, and largest value.
+CLOSE = 1e-3  # distance from a stop, over the tolerance, at which a body that rested there becomes free
+STILL = 1e-3  # largest speed of a rebound that counts as rest at the stop, over tolerance times plant's rate
+HALVINGS = 48  # halvings of the time between two checks, to find a body that leaves a stop and returns
+# Holding force R per mass, over the plant's rate times the speed of the fastest impact: first value, factor
+# by which it grows if it is too small, and largest factor.
 FIRST_HOLD, STRONGER, MOST_HOLD = 30.0, 30.0, 1e12
 
 
 class Impact(NamedTuple):
-    """An impact on an end stop: its time, s, and the velocity before the impact, m/s."""
+    """An impact on an end stop: its time, s, and the velocity of the body before it, m/s (rad/s)."""
 
     time: float
     velocity: float
@@ -51,7 +51,7 @@ class Impact(NamedTuple):
 
 class Stopped(NamedTuple):
     """Result of a run between end stops: outcome (see `engine.outcome`), time reached [s], number of accepted
-    and of rejected steps, and impacts."""
+    and of rejected integration steps, and impacts in chronological order."""
 
     outcome: int
     reached: float
@@ -63,8 +63,17 @@ class Stopped(NamedTuple):
 def refuse_end_stops(
     model: Actuator | PulledSlider, stops: EndStops | None, energy: bool, position: float
 ) -> None:
-    """Raise QuantityError for end stops that the model cannot have, or that exclude the start `position` [m];
-    `energy`: an energy account is requested, which end stops do not allow. None as `stops` is valid."""
+    """Raise QuantityError for end stops with which the model cannot be simulated.
+
+    Reasons are a clamped end-effector, a law without bristles, an energy account, or a start outside the
+    stops.
+
+    Args:
+        model: the actuator or pulled slider.
+        stops: the end stops; None is valid.
+        energy: True if an energy account is requested.
+        position: position of the end-effector at the start, m (rad).
+    """
     if stops is None:
         return
     of_kind(stops, EndStops, "end_stops")
@@ -86,7 +95,8 @@ def refuse_end_stops(
 
 
 def labelled_impacts(found: tuple[Impact, ...]) -> dict[str, xr.DataArray]:
-    """Return the velocities before the impacts over the coordinate "impact_time", as a variable by name."""
+    """Return the variable "impact_velocity" (m/s, before each impact) over the coordinate "impact_time" (s),
+    in a dictionary by name."""
     import xarray as xr
 
     times, velocities = np.array(found).reshape(-1, 2).T
@@ -96,12 +106,17 @@ def labelled_impacts(found: tuple[Impact, ...]) -> dict[str, xr.DataArray]:
 
 
 class StoppedRun:
-    """A run of a trajectory between end stops.
+    """A run of a trajectory between end stops, started by `follow`.
 
     Args:
         of: system of the model.
         stops: the end stops.
         drive, load, tolerance, careful, max_steps: as for `engine.binding.integrate`.
+
+    Attributes:
+        free: the plant without a stop, as the engine takes it.
+        steps: numbers of accepted and of rejected steps until now.
+        impacts: impacts until now.
     """
 
     def __init__(
@@ -121,8 +136,14 @@ class StoppedRun:
         self.impacts: list[Impact] = []
 
     def follow(self, q: Array, span: tuple[float, float], times: Array, samples: Array) -> Stopped:
-        """Integrate over `span` [s] from the state q, which is replaced by the last state; fill the samples
-        [times, columns]."""
+        """Integrate from a state between the stops, through all impacts.
+
+        Args:
+            q: state [states] at the start, replaced by the state at the time reached.
+            span: start and end, s.
+            times: sample times, s, ascending.
+            samples: rows of the samples [times, columns], filled as by `engine.binding.integrate`.
+        """
         t, end, x = span[0], span[1], self.of.slider
         filled = 0
         still = STILL * self.tolerance * self.of.plant.rate
@@ -140,7 +161,7 @@ class StoppedRun:
             outcome, t, passed, filled = self._piece(plant, q, t, end, low, high, times, samples, filled)
             if not passed:
                 continue
-            if side and passed == side:  # the holding force was too weak: repeat the piece with a larger one
+            if side and passed == side:  # the stop's holding force was too small: repeat with a larger one
                 if size > MOST_HOLD:
                     outcome = TOO_MANY_STEPS
                 size, t, q[:] = STRONGER * size, begun, before
@@ -158,8 +179,8 @@ class StoppedRun:
         return Stopped(outcome, t, self.steps[0], self.steps[1], tuple(self.impacts))
 
     def _side(self, q: Array, still: float) -> float:
-        """Return the stop at which the body rests: -1 (lower), 1 (upper), or 0 if it is at no stop, or leaves
-        one faster than `still` [m/s]."""
+        """Return the stop at which the body rests in the state q: -1 (lower), 1 (upper), or 0 if the body is
+        at no stop, or leaves a stop faster than `still` [m/s]."""
         position, velocity = q[self.of.slider : self.of.slider + 2]
         for side, stop in ((-1.0, self.stops.low), (1.0, self.stops.high)):
             if position == stop and side * velocity >= -still:
@@ -172,8 +193,10 @@ class StoppedRun:
     def _run(
         self, plant: ComposedPlant, q: Array, span: tuple[float, float], times: Array
     ) -> tuple[int, Array]:
-        """Integrate a plant from a copy of the state q over `span` [s]; return the outcome and the samples
-        [times, columns of the plant], NaN after the time reached."""
+        """Integrate a plant from a copy of the state q over `span` (start and end, s), and count the steps.
+
+        Return the outcome (TOO_MANY_STEPS if all runs together exceed the limit), and the samples at `times`
+        [s], [times, columns of the plant], NaN after the time reached."""
         rows = np.full((times.size, plant.columns), np.nan)
         outcome, _, accepted, rejected = integrate(
             *(plant, *self.tables, q.copy(), span, self.tolerance, self.careful, self.max_steps, times, rows)
@@ -201,12 +224,13 @@ class StoppedRun:
             plant, q: plant, and its state, which is replaced by the state at the time reached.
             t, end: start, and latest end, s.
             low, high: bounds of the position, m.
-            times, samples: sample times [s] of the whole run, and their rows.
+            times, samples: sample times [s] of the whole run, and rows of the samples, filled up to the time
+                reached.
             filled: number of rows of `samples` that are filled already.
 
         Returns:
-            The outcome, the time reached [s], the bound that is passed (-1 lower, 1 upper, 0 none), and the
-                new number of filled rows.
+            The outcome (see `engine.outcome`), the time reached [s], the bound that is passed (-1 lower, 1
+            upper, 0 none), and the new number of filled rows.
         """
         x, n = self.of.slider, self.free.states
         apart = 2.0 * np.pi / self.of.plant.rate / PER_CYCLE
@@ -233,7 +257,7 @@ class StoppedRun:
         if first:
             t, q[:] = float(at[first - 1]), rows[first - 1, :n]
         passed = self._passes(plant, q, t, float(until), low, high)
-        if passed is None:  # the cubic between two checks passes the bound, but the motion does not
+        if passed is None:  # only the interpolating cubic passed the bound, but not the motion itself
             _, found = self._run(plant, q, (t, float(until)), np.array([until]))
             q[:] = found[0, :n]
             return DONE, float(until), 0.0, filled
@@ -245,8 +269,10 @@ class StoppedRun:
     def _passes(
         self, plant: ComposedPlant, q: Array, t: float, until: float, low: float, high: float
     ) -> tuple[float, float] | None:
-        """Return the time [s] at which the position first passes a bound before `until`, and the bound (-1
-        `low`, 1 `high`); None if it passes none. The state q becomes that at this time."""
+        """Return the time [s] between `t` and `until` at which the position first passes a bound, and the
+        bound (-1: `low`, 1: `high`, in m); None if it passes neither.
+
+        The state q, given for the time `t`, is replaced by the state at the time returned."""
         x, n = self.of.slider, self.free.states
         within = np.unique(t + (until - t) * 2.0 ** -np.arange(HALVINGS, -1.0, -1.0))
         rows = self._run(plant, q, (t, until), within[within > t])[1]
@@ -254,7 +280,7 @@ class StoppedRun:
         if not out.any():
             return None
         last = int(np.argmax(out != 0.0))
-        if last == 0:  # outside from the start: the body rests at this stop
+        if last == 0:  # the body is outside at the first instant: it rests at this stop
             q[x + 1] = 0.0
             return t, float(out[0])
         bound = high if out[last] > 0.0 else low
@@ -270,13 +296,13 @@ class StoppedRun:
 
 
 def held(plant: Plant, mode: int, side: float, push: float) -> Plant:
-    """Return the plant with one mode held at a stop.
+    """Return the plant with a further element, the stop, which holds one mode (see the module).
 
     Args:
         plant: the free plant.
         mode: index of the body's mode.
         side: -1 for the lower stop, 1 for the upper one.
-        push: largest acceleration towards the stop that the stop resists, m/s².
+        push: R divided by the body's mass, m/s². The stop resists a push towards it up to twice as large.
     """
     shares = [0.0 if m != mode else 1.0 for m in range(len(plant.modes))]
     stop = Element(Coulomb(1.0), tuple(shares), tuple(-push * share for share in shares))
@@ -287,16 +313,21 @@ def held(plant: Plant, mode: int, side: float, push: float) -> Plant:
 
 
 def _outside(positions: Array, low: float, high: float) -> Array:
-    """Return -1 for positions below the bounds [m], 1 above, 0 between."""
+    """Return for each position [m] -1 below `low`, 1 above `high`, and 0 between the bounds [m]."""
     return np.where(positions > high, 1.0, np.where(positions < low, -1.0, 0.0))
 
 
 def _peak(times: Array, states: Array, low: float, high: float) -> tuple[int, float] | None:
-    """Return the index of the interval, and the time [s], of the first extremum beyond a bound between two
-    checks; None if there is none.
+    """Return the first extremum of the position beyond a bound, between two checks: the index of the check
+    before it, and its time [s]. Return None without such an
+    extremum.
 
-    The motion between two checks is approximated by the cubic through positions and velocities, `states`
-    [times, 2].
+    The motion between two checks is approximated by the cubic through both positions and velocities.
+
+    Args:
+        times: times of the checks, s.
+        states: position [m] and velocity [m/s] at the checks, [times, 2].
+        low, high: bounds of the position, m.
     """
     h = np.diff(times)
     (x0, v0), (x1, v1) = states[:-1].T, states[1:].T

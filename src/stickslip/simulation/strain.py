@@ -11,17 +11,22 @@ from numpy.typing import NDArray
 from ..friction import element as element_of
 from ..friction import elements, rate
 
-# Sliding speed at which the largest deflection of an element is computed. It is far below every Stribeck
-# velocity, so that the friction still has its value at rest.
-_CREEPING = 1e-9  # m/s
-_FARTHEST = 1.0  # m, largest deflection that is tried for a law without a bound
+# Sliding speed [m/s] at which the largest deflection of an element is computed. It is far below every
+# Stribeck velocity, so that the friction still has its value at rest.
+_CREEPING = 1e-9
+_FARTHEST = 1.0  # largest deflection [m] that is tried, for elements without a largest deflection
 
 
 def strained(law: Any, force: float, velocity: float = 0.0) -> NDArray[np.float64]:
-    """Return the deflection [m] of each element of a contact that carries a force [N].
+    """Return the deflection [m] of each element of a friction law, so that the contact carries a force.
 
-    The force includes viscous friction at the sliding `velocity`, m/s. All elements have the same deflection,
-    except those that reach their limit in sliding.
+    All elements have the same deflection, except those that reach their largest one (in sliding) before. A
+    force that the law cannot carry gives the largest deflections.
+
+    Args:
+        law: friction law with internal states.
+        force: force of the contact, N, which includes the viscous friction.
+        velocity: sliding velocity, m/s.
     """
     ones = [element_of(law, e) for e in range(elements(law))]
     ends = [_largest(lambda d, one=one: rate(one, _CREEPING, d)[1] > 0.0, _FARTHEST) for one in ones]
@@ -37,10 +42,8 @@ def strained(law: Any, force: float, velocity: float = 0.0) -> NDArray[np.float6
 
 
 def _largest(holds: Callable[[float], bool], limit: float) -> float:
-    """Return the largest number up to `limit` for which `holds` is true, by bisection.
-
-    `holds` must be true for small numbers.
-    """
+    """Return the largest number between 0 and `limit` for which `holds` is True, by bisection. `holds` is
+    True for small numbers, and False for all above the wanted one."""
     low, high = 0.0, 1e-12
     while high < limit and holds(high):
         low, high = high, 2.0 * high

@@ -40,8 +40,12 @@ class Motion:
         model: the actuator.
         voltage: voltage at which the actuator has rested for long, V, reached monotonically from 0 V.
         load: normal force relative to the reference at which the friction parameters hold.
-        tolerance: tolerance of the end-effector's position in each tick, m.
-        remanence: states of the piezo's plays and creep terms, V; by default those after a long rest.
+        tolerance: tolerance of the end-effector's position in each tick, m (rad for a rotary actuator).
+        remanence: pair of arrays, the states of the piezo's plays and of its creep terms, V, from the
+            property of this name; by default those after a long rest at `voltage`.
+
+    Attributes:
+        time: time since the start, s.
 
     Raises:
         QuantityError: a piezo model whose state is not supported here (`MaxwellCapacitor`, a user's model).
@@ -70,10 +74,11 @@ class Motion:
         self.time = 0.0
 
     def hold(self, volts: float, duration: float) -> None:
-        """Continue the motion for `duration` [s] at a constant voltage [V], to which the drive jumps at once.
+        """Continue the motion for `duration` [s] at a constant voltage `volts` [V]; the drive jumps to it
+        first.
 
         Raises:
-            QuantityError: the stage is static, so that it would jump with the voltage.
+            QuantityError: the stage is static, its law has bristles, and the voltage jumps.
             SimulationError: the motion could not be simulated.
         """
         if self._piezo is not None:
@@ -102,8 +107,8 @@ class Motion:
         self._on(float(volts[0]), float(volts[-1]), n, float(times[-1]))
 
     def _on(self, begin: float, volts: float, segments: int, end: float) -> None:
-        """Continue the motion through the first `segments` segments of the table, to `end` [s from now].
-        `begin` and `volts` are the first and last voltage [V] after the piezo."""
+        """Integrate through the first `segments` rows of the drive table, up to `end` [s] after the start of
+        this tick. `begin` and `volts` are the first and the last voltage [V], after hysteresis and creep."""
         rows = self._start[:segments], self._polynomial[:segments], self._first[: segments + 1]
         if self._cannot_jump and not math.isclose(begin, self._volts, rel_tol=1e-9, abs_tol=1e-9):
             raise QuantityError(
@@ -121,32 +126,32 @@ class Motion:
 
     @property
     def remanence(self) -> tuple[Array, Array] | None:
-        """Return the states of the piezo's plays and creep terms, V, as the argument `remanence` takes them;
-        None without a piezo model."""
+        """Return the states [V] of the piezo's plays and of its creep terms, as the argument `remanence`
+        takes them; None without a piezo model."""
         return None if self._piezo is None else self._piezo.remanence
 
     @property
     def position(self) -> float:
-        """Return the position of the end-effector, m."""
+        """Return the position of the end-effector, m, or rad for a rotary actuator."""
         of, q = self._of, self._q
         return self.stage_position if of.clamped else float(q[of.slider])
 
     @property
     def velocity(self) -> float:
-        """Return the velocity of the end-effector, m/s."""
+        """Return the velocity of the end-effector, m/s, or rad/s for a rotary actuator."""
         of, q = self._of, self._q
         return self.stage_velocity if of.clamped else float(q[of.slider + 1])
 
     @property
     def stage_position(self) -> float:
-        """Return the position of the stage, m."""
+        """Return the position of the stage, m, or rad for a rotary actuator."""
         of = self._of
         return float(sum(self._q[c] for c in of.stages)) if of.stages else of.gain * self._volts
 
     @property
     def stage_velocity(self) -> float:
-        """Return the velocity of the stage, m/s; always 0 for a static stage, whose velocity is that of its
-        drive."""
+        """Return the velocity of the stage, m/s (rad/s); 0 for a static stage, although its drive may move
+        it."""
         return float(sum(self._q[c + 1] for c in self._of.stages))
 
     def _room(self, segments: int) -> None:
@@ -180,12 +185,12 @@ class _PiezoState:
 
     @property
     def remanence(self) -> tuple[Array, Array]:
-        """Return the state of each play and each term of creep, V."""
+        """Return copies of the states of all plays, and of all creep terms, V."""
         return self._plays.copy(), self._terms.copy()
 
     def through(self, times: Array, volts: Array) -> Array:
-        """Return the voltages after hysteresis and creep [n] for voltages [n] at these times [s], and update
-        the memory."""
+        """Return the voltages [n] after hysteresis and creep for voltages [n] that are linear between these
+        times [s from now], and move the memory to the last time."""
         level = volts
         if self._operators is not None:
             level = np.empty(volts.size)

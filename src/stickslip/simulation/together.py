@@ -35,19 +35,27 @@ from .trajectory import checked_tolerance, not_within, sample_times
 
 Array = NDArray[np.float64]
 
-MAX_STEPS = 20_000_000  # largest number of integration steps in one piece
+MAX_STEPS = 20_000_000  # largest number of integration steps between two breaks of the drives
 
 
 class Joined(NamedTuple):
-    """Plant of several actuators; the end-effector is its last mode. `stages`: the indices of each stage's
-    modes."""
+    """Plant of several actuators under one end-effector, which is the last mode. `stages` contains a tuple
+    for
+    each actuator: the indices of its stage's modes (empty for a static stage)."""
 
     plant: Plant
     stages: tuple[tuple[int, ...], ...]
 
     def over(self, drives: Sequence[Drive], start: float) -> Plant:
-        """Return the plant whose drive is t - start [s], valid from `start` to the next break of the
-        actuators' `drives`: their straight lines become coefficients of the plant."""
+        """Return the plant for the time from `start` [s] to the next break of any drive.
+
+        The plant's own drive is the time since `start`, in s. The voltage of each actuator, a straight line
+        in this time, is contained in the coefficients of its modes and of its contact.
+
+        Args:
+            drives: segment table of each actuator, V.
+            start: s.
+        """
         modes, contacts = list(self.plant.modes), []
         for drive, own, contact in zip(drives, self.stages, self.plant.elements, strict=True):
             piece = int(segment_at(drive, np.array([start]))[0])
@@ -65,10 +73,10 @@ class Joined(NamedTuple):
 
 
 def joined(actuators: Sequence[Actuator]) -> Joined:
-    """Return the common plant of actuators that share one end-effector.
+    """Return the common plant of at least two actuators that share one end-effector.
 
     Raises:
-        QuantityError: an actuator that cannot be joined, or whose end-effector has another mass or force.
+        QuantityError: fewer than two actuators; or one of them cannot be joined (see `_refuse`).
     """
     if len(actuators) < 2:
         raise QuantityError("actuators: at least two move one end-effector; for one there is simulate")
@@ -90,7 +98,11 @@ def joined(actuators: Sequence[Actuator]) -> Joined:
 
 
 def _refuse(one: Actuator, first: Actuator, i: int) -> None:
-    """Raise QuantityError for an actuator that cannot be joined to the first."""
+    """Raise QuantityError for actuator `i` (`one`) if it cannot be joined to the first one.
+
+    Reasons are another mass or force of the end-effector, a clamped end-effector, a piezo model, a normal
+    force along the stroke, a law without bristles, or a rotary and a linear actuator.
+    """
     where = f"actuators[{i}]"
     for name, value in (("end_effector_mass", one.end_effector_mass), ("axial_force", one.axial_force)):
         if value != getattr(first, name):
@@ -111,11 +123,13 @@ def _refuse(one: Actuator, first: Actuator, i: int) -> None:
 
 
 def _moved(of: System, own: tuple[int, ...], count: int) -> Element:
-    """Return the contact of an actuator with coefficients for the modes of all stages and the end-effector.
+    """Return the contact of one actuator as an element of the common plant.
+
+    Its coefficients of the other actuators' modes are None; the last coefficient is that of the end-effector.
 
     Args:
         of: system of the actuator alone.
-        own: indices of its modes in the common plant.
+        own: indices of its stage's modes in the common plant.
         count: number of modes of all stages.
     """
     contact = of.plant.elements[0]
@@ -140,7 +154,8 @@ def simulate_together(
 ) -> xr.Dataset:
     """Return the trajectory of one end-effector on several actuators, each with its own drive.
 
-    The stages start at rest under their drives, the contacts undeflected, and the end-effector at 0.
+    Each stage starts at rest under the first voltage of its drive, with its contact undeflected, and the
+    end-effector at 0.
 
     Args:
         actuators: at least two, with the same end-effector mass and external force.
@@ -194,8 +209,8 @@ class _Run(NamedTuple):
 
 
 def _straight(model: Actuator, waveform: Waveform, end: float, i: int) -> Drive:
-    """Return the drive table [V] up to `end` [s] of actuator `i`; raise QuantityError if it is not linear
-    between its breaks."""
+    """Return the segment table [V] up to `end` [s] of the drive of an actuator, which has the index `i`;
+    raise QuantityError if the drive is not linear in each segment."""
     table = checked_drive(model, waveform, end, False, math.inf)
     if table.harmonic.size or np.any(table.polynomial[:, 2:]):
         raise QuantityError(
@@ -206,8 +221,11 @@ def _straight(model: Actuator, waveform: Waveform, end: float, i: int) -> Drive:
 
 
 def _followed(of: Joined, drives: Sequence[Drive], times: Array, tolerance: float, careful: bool) -> _Run:
-    """Integrate the plant over all pieces of the drives; return samples at the times [s], and the number of
-    steps. If a piece fails, the later samples are NaN."""
+    """Integrate the common plant from break to break of the drives, from rest.
+
+    Return the samples [times, columns] at `times` [s] (see `engine.binding.integrate`; NaN after a failure),
+    and the number of integration steps. `careful`: see `engine.binding.integrate`.
+    """
     free = ComposedPlant(of.plant)
     end, samples, steps = float(times[-1]), np.full((times.size, free.columns), np.nan), 0
     starts = np.unique(np.concatenate([drive.start for drive in drives]))

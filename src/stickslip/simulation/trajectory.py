@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 COMPLETE = "complete"
-TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)  # m; steps are below 1 mm
+TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)  # no step exceeds 1 mm
 _OUTCOMES = {
     STEP_TOO_SMALL: "the steps no longer advance, for they fell below what floating point can resolve. Try "
     "another tolerance, or a drive without jumps",
@@ -85,16 +85,15 @@ def simulate(
         stack: piezo stack that the drive charges: adds `current`, `charge`, `reactive_power` (into the
             field), `loss_power` and `temperature`, from the start of the drive to the last sample. Within a
             cycle that is not closed at the end of a run, loss and temperature are lower than in a longer run.
-            A drive that
-            jumps takes an infinite current: apply an amplifier first, see `electronics.driven`.
+            A drive that jumps takes an infinite current: apply an amplifier first (`electronics.driven`).
         end_stops: stops between which the end-effector (the mass of a pulled slider) moves. Adds the
             impacts: `impact_velocity` (before each) over "impact_time". Not with `energy`.
         max_steps: largest number of integration steps.
-        initial_state: a `State`, or a trajectory to continue: then `duration` counts
-            from its end, and samples and drive continue in its time (with its plays and creep). With
-            the same model, drive, load and tolerance the result equals one run over both to the last bit
-            (where that needs no smaller steps; with hysteresis or creep, whose table depends on the length
-            of the run, within the tolerance), and its error is added; the energy account starts again.
+        initial_state: a `State`, or a trajectory to continue: then `duration` counts from its end, and
+            samples and drive continue in its time (with its plays and creep). With the same model, drive,
+            load and tolerance the result equals one run over both to the last bit (where that needs no
+            smaller steps; with hysteresis or creep, whose table depends on the length of the run, within the
+            tolerance). Its error is added; the energy account starts again.
 
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
@@ -160,10 +159,10 @@ def simulate(
 class FollowedTrajectory(NamedTuple):
     """A trajectory without labels, up to its end or a failure; `outcome` is COMPLETE or the reason.
 
-    Fields: `samples` [times, columns], stage position and velocity, end-effector's position and velocity,
-    friction force, bristles, then `System.further`; `work`, see `engine.binding`; `start`, the state before,
-    with the energy account; `drive`, the segment table; `error`, estimated error of the end-effector's
-    position, m; `final`, the last state; `resume`, a row of numbers with which the engine continues.
+    Fields: `times`, s; `samples` [times, columns], see `models.classic`; `work` [times, TERMS], account of
+    work, see `engine.binding`, and `start`, the sample at which it starts (both may be empty); `drive`,
+    segment table; `steps` accepted and `rejected`; `error`, estimated error of the end-effector's position,
+    m; `final`, the last state; `resume`, numbers with which the engine continues; `impacts` on end stops.
     """
 
     times: NDArray[np.float64]
@@ -181,8 +180,8 @@ class FollowedTrajectory(NamedTuple):
 
 
 class _TrajectoryRun(NamedTuple):
-    """Result of one run of the solver: `drive`, its segment table; samples in the plant's own columns;
-    `place`, last position of the end-effector, m; the rest as in `FollowedTrajectory`."""
+    """Result of one run of the solver: `samples` in the plant's own columns; `outcome`, see `engine.outcome`;
+    time `reached`, s; `place`, last position, m; the other fields are those of `FollowedTrajectory`."""
 
     drive: Drive
     samples: NDArray[np.float64]
@@ -199,9 +198,9 @@ class _TrajectoryRun(NamedTuple):
 class _Task(NamedTuple):
     """A trajectory to compute.
 
-    `tables` is a function from the tolerance of a run to the drive. `start` is the state at the time
-    `begins`; `resume` (a row of the engine) replaces it. With `anew` the energy account starts at the first
-    of the times, which is not part of the result.
+    `tables` is a function from the tolerance [m] of a run to the drive. `start` is the state at the time
+    `begins` [s]; `resume`, numbers of the solver, replaces it unless all are 0. With `anew` the energy
+    account starts at the first of the `times`, which is not part of the result.
     """
 
     of: System
@@ -218,7 +217,7 @@ class _Task(NamedTuple):
     end_stops: EndStops | None = None
 
     def run(self, tolerance: float, careful: bool = False) -> _TrajectoryRun:
-        """Simulate once at a tolerance; for `careful` see `engine.binding.integrate`."""
+        """Simulate once at a tolerance [m] of the engine; for `careful` see `engine.binding.integrate`."""
         times, q, drive = self.times, self.start.copy(), self.tables(tolerance)
         samples = np.full((times.size, self.plant.columns), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
@@ -244,7 +243,7 @@ class _Task(NamedTuple):
         return float(np.abs(one.samples[:, column] - other.samples[:, column]).max())
 
     def followed(self, run: _TrajectoryRun, error: float = math.nan) -> FollowedTrajectory:
-        """Return the computed part of the trajectory, with its error."""
+        """Return the part of a run that was computed, with its error [m]; NaN: not estimated."""
         samples, work = classic(self.of, run.samples, run.drive, self.times), run.work
         times, start, text = self.times, np.zeros(0), COMPLETE
         if run.outcome != DONE:
@@ -256,7 +255,7 @@ class _Task(NamedTuple):
             reached = float(times[~keep][0]) if run.outcome == NO_NUMBER else run.reached
             text = f"stopped at t = {with_prefix(reached, 's')} of {with_prefix(times[-1], 's')}: {reason}"
             times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
-        if self.anew and times.size:  # the first sample is the start of the energy account
+        if self.anew and times.size:  # drop the first sample, at which the energy account starts
             start, work = samples[0], work - work[0]
             times, samples, work = times[1:], samples[1:], work[1:]
         elif self.energy:
@@ -282,7 +281,8 @@ def follow_model(
 ) -> FollowedTrajectory:
     """Simulate as `simulate`, without labels and warnings, for pictures that are redrawn many times a second.
 
-    Without `check` there is a single run; its error is usually a tenth of the tolerance and is not estimated.
+    Without `check` there is a single run; its error is usually a tenth of the tolerance and not estimated.
+    `times` are the sample times, s, and `begin` is the initial state.
     """
     end = float(times[-1])
     contact = contact_load(load, end)
@@ -343,7 +343,8 @@ def sample_times(
     start: float = 0.0,
     numbers: int = 10,
 ) -> NDArray[np.float64]:
-    """Return the sample times [s]: `times`, or those of a rate and duration. `numbers` are stored per time.
+    """Return the sample times [s]: `times` if given, else those of a rate [Hz] and duration [s] from `start`
+    [s]. `numbers` is how many numbers are kept per time, to refuse what does not fit into memory.
 
     Raises:
         QuantityError: too many samples in all, invalid times, or see `simulate`.
@@ -365,7 +366,7 @@ def sample_times(
     first = start * sample_rate
     if abs(first - round(first)) > 1e-9 * max(first, 1.0):
         return start + np.arange(count + 1) / sample_rate
-    made = (round(first) + np.arange(count + 1)) / sample_rate  # the same times as in a run from 0, exactly
+    made = (round(first) + np.arange(count + 1)) / sample_rate  # exactly the times of a single run from 0
     made[0] = start
     return made
 
@@ -391,7 +392,7 @@ def run_time(waveform: Waveform, duration: float | None, start: float = 0.0) -> 
 
 
 def not_within(error: float, tolerance: float, model: Any = None, what: str = "the position") -> str:
-    """Return the message for a result whose error may exceed the tolerance [m; rad of a rotary model]."""
+    """Return the warning for an `error` (NaN: unknown) of `what` above the `tolerance`, m (rad if rotary)."""
     unit = unit_for(model, "m")
     asked = f"the tolerance of {with_prefix(tolerance, unit)} is not shown to hold"
     if math.isnan(error):

@@ -16,9 +16,10 @@ from .plant.system import Element, Plant
 
 Array = NDArray[np.float64]
 
-# Scale of the stop operators' states: voltages are converted to metres, because the solver's tolerances are
-# in metres. The scale is fixed, since with the gain as scale a change of the gain would move the bounds.
-PER_VOLT = 1e-7  # m/V
+# Scale [m/V] of the stop operators' states. The states are voltages, and are converted to metres because the
+# solver's tolerances are in metres. The actuator's gain is not used as the scale: in a derivative by the
+# gain, a changed gain would change the bounds of the states.
+PER_VOLT = 1e-7
 
 
 def driven_by_voltage(model: Actuator | PulledSlider) -> bool:
@@ -30,9 +31,13 @@ def driven_by_voltage(model: Actuator | PulledSlider) -> bool:
 def element_of(model: Actuator | PulledSlider, modes: int) -> Element | None:
     """Return the stop operators of a `MaxwellCapacitor` as an element of the plant; None for any other model.
 
-    Their input is e = u + T y/C_0. Their sum [V], multiplied by C ω_n², is subtracted from the acceleration
-    of the stage, which is the first of `modes` modes. A stop operator is a spring that slips, so they are a
-    Maxwell slip law.
+    Their input is e = u + T y/C_0, with the voltage u, the force per volt T, the stage's position y and the
+    capacitance C_0. Their sum [V], multiplied by C ω_n² (C: gain), is subtracted from the acceleration of the
+    stage. A stop operator is a spring that slips, so that they are one Maxwell slip law.
+
+    Args:
+        model: the actuator; in an ensemble, its fields may be arrays [members].
+        modes: number of modes of the plant, the first of which is the stage.
     """
     if not driven_by_voltage(model):
         return None
@@ -50,39 +55,47 @@ def element_of(model: Actuator | PulledSlider, modes: int) -> Element | None:
 
 
 def _elements(values: Array) -> tuple[Any, ...]:
-    """Return values [elements] or [elements, members] as the tuple of a law's field: numbers, or arrays
-    [members]."""
+    """Return an array [elements] as a tuple of numbers, or [elements, members] as a tuple of arrays
+    [members]: the value of a law's field."""
     return tuple(values.tolist() if values.ndim == 1 else values)
 
 
 def settle(plant: Plant, q: Array, first: int, before: float) -> None:
-    """Set the state q to rest under the drive `before` [V], reached from 0 V: the states of the stop
-    operators, at q[first] and after, and the stage's position q[0].
+    """Change a state in place to rest with the stop operators, under a voltage that was reached from 0 V.
 
-    On entry, q[0] is the stage's position without the stop operators.
+    Args:
+        plant: the plant, whose last element is that of the stop operators.
+        q: state [states] at rest without the stop operators. The stage's position q[0] is corrected, and the
+            operators' states are filled.
+        first: index of the first stop operator's state.
+        before: voltage, V.
     """
     element, mode = plant.elements[-1], plant.modes[0]
     law, felt, given = element.law, element.velocity[0] or 0.0, -(element.push[0] or 0.0) / mode.stiffness
     share = np.array(law.stiffness)
     limit = np.array(law.strength) / share
     wanted = (element.drive_rate or 0.0) * before + felt * q[0]
-    # Output on the initial curve: linear between the limits of the stops.
+    # Solve for the input e of the operators. On the initial curve from 0 V, `total` = `wanted` is piecewise
+    # linear in e, with corners at the limits of the stops; beyond the last limit all stops slip.
     corner = np.append(0.0, np.sort(limit))
     total = corner + felt * given * np.sum(share[:, None] * np.minimum(corner, limit[:, None]), axis=0)
-    e = np.copysign(np.interp(abs(wanted), total, corner), wanted)  # beyond the last limit all stops slip
+    e = np.copysign(np.interp(abs(wanted), total, corner), wanted)
     q[first : first + limit.size] = np.clip(e, -limit, limit)
     q[0] -= given * float(share @ q[first : first + limit.size])
 
 
 def electrical(model: Actuator, samples: Array, further: Array, table: Drive, times: Array) -> dict[str, Any]:
-    """Return charge, current and voltage of the piezo at samples of a trajectory, by name with units.
+    """Return electrical channels of the piezo at samples of a trajectory, as pairs of array [times] and unit.
+
+    The names are "charge" (C) and "current" (A), and under charge control also "piezo_voltage" (V).
 
     Args:
-        model: the actuator.
-        samples: [times, ...], position and velocity of the stage first.
-        further: states of the stops [times, stops], in units of `PER_VOLT`.
+        model: an actuator with a `MaxwellCapacitor`.
+        samples: [times, ...], whose first columns are position and velocity of the stage.
+        further: states of the stop operators [times, stops]: V times `PER_VOLT`. Not used under charge
+            control.
         table: segment table of the drive, V.
-        times: s.
+        times: sample times, s.
     """
     port = model.two_port
     assert port is not None
@@ -102,13 +115,13 @@ def electrical(model: Actuator, samples: Array, further: Array, table: Drive, ti
 
 
 def _across(model: Actuator, table: Drive, times: Array) -> Array:
-    """Return the voltage [times] across the elements of a piezo under charge control, from rest at
-    `table.before` [V]."""
+    """Return the voltage [V] at `times` [s] across the hysteresis elements of a piezo under charge control,
+    from rest at the command `table.before` [V]."""
     port = model.two_port
     assert port is not None
     free = port.capacitance + model.gain * model.drive_force_per_volt
     plays = port.operators
-    plays = plays._replace(threshold=plays.threshold / free)  # thresholds in terms of the command, V
+    plays = plays._replace(threshold=plays.threshold / free)  # from C to V of the command
     z = np.sign(table.before) * np.maximum(abs(table.before) - plays.threshold, 0.0)
     rest = float(plays.weight @ z)
     after = through(plays, table, float(times[-1]), z, rest)

@@ -14,12 +14,12 @@ from ..waveform.pieces import MOST_PERIODS
 
 
 class Ratio(NamedTuple):
-    """A ratio that replaces a field of a law in fits, because other fields bound it: field = ratio × scale. A
-    ratio that is not varied stays constant.
+    """A ratio that is fitted instead of a field of a friction law, whose range depends on other fields of the
+    law: field = ratio × scale. If the ratio is not varied, it stays constant while the other fields vary.
 
     Attributes:
-        field: name of the bounded field.
-        scale: function from the fields of the law, by name, to the scale.
+        field: name of the field.
+        scale: function from the values of the law's fields, by name, to the scale, in the unit of the field.
         needs: names of the fields that `scale` uses.
         lower, upper: default bounds of a search for the ratio.
         most: largest valid ratio.
@@ -48,15 +48,15 @@ RATIOS = {
 }
 
 
-# Prefixes of the names of the piezo's numbers ("piezo_weight_2"), and of the numbers of a normal force that
-# changes along the stroke ("normal_force_slope").
+# Prefixes in names of parameters: of the piezo's numbers ("piezo_weight_2"), and of the numbers of a normal
+# force that changes along the stroke ("normal_force_slope").
 PIEZO = "piezo_"
 NORMAL = "normal_force_"
 NORMAL_FIELDS = {NORMAL + field: field for field in NormalForce._fields}
 
 
 def law_of(model: Any) -> Any:
-    """Return the friction law of a system, or the law itself."""
+    """Return the friction law of an actuator or a pulled slider; a law is returned itself."""
     return model if is_law(model) else model.friction
 
 
@@ -65,8 +65,8 @@ def ratios_of(law: Any) -> dict[str, Ratio]:
 
 
 def element_of(law: Any, name: str) -> tuple[str, int] | None:
-    """Return field and index (from 0) of a name such as "stiffness_2"; None if the law has no such
-    element."""
+    """Return field and index of the number of a law with this name: ("stiffness", 1) for "stiffness_2".
+    Return None if the law has no such tuple or too few elements."""
     match = re.fullmatch(r"(\w+)_(\d+)", name)
     values = getattr(law, match[1], None) if match and match[1] in law._fields else None
     if not match or not isinstance(values, tuple) or not 1 <= int(match[2]) <= len(values):
@@ -75,10 +75,10 @@ def element_of(law: Any, name: str) -> tuple[str, int] | None:
 
 
 def free_names(model: Any) -> list[str]:
-    """Return the names of a model's values that may be free in a fit.
+    """Return the names of the numbers that may be free in a fit, of a model or of a friction law alone.
 
-    They are the scalar fields of law and model, values of elements ("stiffness_2"), the ratios in `RATIOS`,
-    and values of the normal force ("normal_force_slope").
+    They are the fields of the law, numbered in tuples ("stiffness_2"), and the ratios in `RATIOS`; for a
+    model also its own fields that are floats, and the fields of its normal force ("normal_force_slope").
     """
     law, names = law_of(model), []
     for field, value in law._asdict().items():
@@ -94,32 +94,33 @@ def free_names(model: Any) -> list[str]:
 
 
 def with_normal_force(model: Any, names: Iterable[str]) -> Any:
-    """Return the model with a normal force along the stroke, here uniform, if one of the names varies such a
-    force and the model has none. Then all varied models have the same structure."""
+    """Return the model with a uniform `NormalForce`, if one of the names is one of its fields, but the model
+    has none; otherwise the model unchanged. All varied models then have the same structure."""
     if any(name in NORMAL_FIELDS for name in names) and model.normal_force is None:
         return model.replace(normal_force=NormalForce())
     return model
 
 
 def piezo_names(model: Any) -> list[str]:
-    """Return the names of the numbers of an actuator's piezo that may vary, such as "piezo_weight_2",
+    """Return the parameter names of the numbers of an actuator's piezo, such as "piezo_weight_2",
     "piezo_share_1" and "piezo_capacitance"; empty without a piezo model."""
     return [name for part in _parts(model) for name in _names_of_part(part)]
 
 
 def drive_names(model: Any) -> list[str]:
-    """Return the names of the piezo's numbers that change the voltage after hysteresis and creep; none for a
-    `MaxwellCapacitor`, which is part of the plant."""
+    """Return the names of the piezo's numbers on which the drive of the stage depends (the voltage after
+    hysteresis and creep); empty for a `MaxwellCapacitor`, which is part of the plant."""
     return [] if getattr(model, "two_port", None) is not None else piezo_names(model)
 
 
 def model_names(model: Any) -> list[str]:
-    """Return the names of a model that may vary: as `free_names`, and the numbers of its piezo."""
+    """Return the names of a model's numbers that may vary: those of `free_names` and `piezo_names`."""
     return [*free_names(model), *piezo_names(model)]
 
 
 def _parts(model: Any) -> list[Any]:
-    """Return the records of the model's piezo, hysteresis and creep, without those that are None."""
+    """Return the records in the model's piezo (hysteresis, creep) that are not None; empty without a
+    piezo."""
     return [part for part in getattr(model, "piezo", None) or () if part is not None]
 
 
@@ -128,16 +129,19 @@ def _names_of_part(part: Any) -> list[str]:
 
 
 def _part_of(model: Any, name: str) -> Any:
-    """Return the record of the piezo (hysteresis or creep) that has the named number; None if neither has
-    it."""
+    """Return the record of the piezo (hysteresis or creep) that has the number `name`, such as
+    "piezo_weight_2"; None for another name."""
     return next((part for part in _parts(model) if name in _names_of_part(part)), None)
 
 
 def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return all fields of the law, and the changed fields of the model, after setting `values` (numbers by
-    name). They are not checked.
+    """Set values of a model by name, without checks; return two dictionaries by name of field: all fields of
+    its friction law, and the changed fields of the model itself.
 
-    A field of `RATIOS` that is not among the values keeps its ratio. Values may be arrays of one length.
+    Args:
+        model: an actuator, a pulled slider or a law.
+        values: numbers, or arrays of one length, by the names of `model_names`. If neither a field with a
+            ratio (`RATIOS`) nor the ratio is among the names, the ratio stays constant.
     """
     law = law_of(model)
     fields, own = law._asdict(), {}
@@ -170,8 +174,8 @@ def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any
 
 
 def changed_piezo(model: Any, values: Mapping[str, Any]) -> Any:
-    """Return the piezo of the model after setting those of `values` (by name) that belong to it; they are not
-    checked."""
+    """Return the model's piezo with the numbers among `values` that belong to it ("piezo_weight_2"), without
+    checks; other names are ignored."""
 
     def changed(part: Any) -> Any:
         names = _names_of_part(part)
@@ -183,12 +187,15 @@ def changed_piezo(model: Any, values: Mapping[str, Any]) -> Any:
 
 
 def checked_piezo(piezo: Any) -> Any:
-    """Return the piezo after the checks of its records; raise QuantityError for invalid values."""
+    """Construct a piezo again from unchecked records, with all checks; raise QuantityError for an invalid
+    value."""
     return type(piezo)(*(None if part is None else type(part)(*part) for part in piezo))
 
 
 def with_values(model: Any, values: Mapping[str, float]) -> Any:
-    """Return the model with these values; a field of `RATIOS` that is not among them keeps its ratio.
+    """Return the model or law with these values, by the names of `model_names`, checked.
+
+    A field that has a ratio (`RATIOS`) keeps it, unless the field or the ratio is among the names.
 
     Raises:
         QuantityError: a value is out of range.
@@ -204,20 +211,21 @@ def with_values(model: Any, values: Mapping[str, float]) -> Any:
 
 
 def record_names(record: Any) -> list[str]:
-    """Return the names of a record's numbers that may vary: scalar fields, and entries of lists
-    ("value_3")."""
+    """Return the names of a record's numbers that may vary: scalar fields that are not None, and the numbers
+    of tuples by the singular of the field and an index from 1 ("value_3" of `values`); not `periods`."""
     names = []
     for field in quantities(type(record)) if hasattr(record, "_fields") else ():
         value = getattr(record, field)
         if isinstance(value, tuple):
             names += [f"{_singular(field)}_{i + 1}" for i in range(len(value))]
-        elif field != "periods" and value is not None:  # `periods` is a count
+        elif field != "periods" and value is not None:  # a number of periods is whole and cannot vary
             names.append(field)
     return names
 
 
 def record_field(record: Any, name: str) -> tuple[str, int | None]:
-    """Return field and index (from 0) of a name such as "value_3"; the index is None for a scalar field.
+    """Return field and index of the number of a record with this name: ("values", 2) for "value_3"; the index
+    is None for a scalar field.
 
     Raises:
         KeyError: the record has no number of this name.
@@ -232,15 +240,15 @@ def record_field(record: Any, name: str) -> tuple[str, int | None]:
 
 
 def record_value(record: Any, name: str) -> float:
-    """Return the value of a record with this name."""
+    """Return the number of a record with this name (see `record_names`), in SI."""
     field, index = record_field(record, name)
     value = getattr(record, field)
     return float(value if index is None else value[index])
 
 
 def put_in(record: Any, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of the record by name, after setting `values` (by name, see `record_names`); they are
-    not checked."""
+    """Return all fields of the record by name, with the numbers `values` (by the names of `record_names`) in
+    place of the previous ones, without checks."""
     fields = record._asdict()
     for name, value in values.items():
         field, index = record_field(record, name)
@@ -250,7 +258,8 @@ def put_in(record: Any, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def value_of(model: Any, name: str, waveform: Any = None) -> float:
-    """Return the number with this name, from the model, or else from the waveform."""
+    """Return the number with this name, in SI: of the model, its law, a ratio, its piezo or normal force; if
+    the model has no such name, of the waveform."""
     if waveform is not None and name not in model_names(model):
         return record_value(waveform, name)
     of_law, ratio = law_of(model)._asdict(), ratios_of(law_of(model)).get(name)
@@ -268,8 +277,8 @@ def value_of(model: Any, name: str, waveform: Any = None) -> float:
 
 
 def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
-    """Return the quantity (unit, bounds) of a named value of the model or waveform; None for a ratio or a
-    factor."""
+    """Return the `Quantity` (unit, meaning, range) of the number with this name of the model or the waveform;
+    None for a number without a unit, such as a ratio or "drive_scale"."""
     if (part := _part_of(model, name)) is not None:
         return quantities(type(part))[record_field(part, name.removeprefix(PIEZO))[0]]
     if name in NORMAL_FIELDS:
@@ -282,13 +291,20 @@ def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
     return known.get(element[0] if element else name)
 
 
-@cache  # called once per field and member of an ensemble
+@cache  # in an ensemble, the same fields occur in each member
 def _singular(field: str) -> str:
     return re.sub("sses$", "sss", re.sub("ies$", "ys", field)).removesuffix("s")
 
 
 def refused_table(row: Any, waveform: Any, end: float | None, periodic: bool) -> str:
-    """Return the reason why a member's waveform `row` has no table up to `end` [s]; empty if it has one."""
+    """Return the reason why a member's waveform cannot be tabulated, or "".
+
+    Args:
+        row: waveform of the member.
+        waveform: the unvaried waveform, whose type is named in the reason.
+        end: end of the table, s; None: the duration of `row`.
+        periodic: True if the waveform must have a period; otherwise it must not have too many.
+    """
     period = getattr(row, "period", None)
     if periodic:
         return "" if period is not None else f"this {type(waveform).__name__} has no period"

@@ -1,8 +1,8 @@
-"""Drive after a piezo: conversion of the voltage's segment table to that of the free stroke divided by the
-gain.
+"""Drive after a piezo: the voltage that would cause the same free stroke without hysteresis and creep.
 
-The stroke does not depend on the stage, so it is computed once, before the equations of motion are solved.
-The stage then has a drive like any other, with breaks where plays start to move.
+This voltage is the free stroke of the piezo divided by the gain. The free stroke does not depend on the
+stage, so it is computed once, before the equations of motion are solved. The stage then has a drive like any
+other, with breaks where plays start to move.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .splitting import through
 
 
 def tabulated(piezo: Piezo | None) -> bool:
-    """Return True if the drive after the piezo is an approximation (creep, or Duhem hysteresis), so that its
-    table depends on a precision."""
+    """Return True if the segment table of the drive after this piezo is an approximation (creep, or Duhem
+    hysteresis), whose precision can be chosen; False if it is exact, or for None."""
     return piezo is not None and (piezo.creep is not None or is_duhem(piezo.hysteresis))
 
 
@@ -40,12 +40,12 @@ def at_piezo(
         drive: segment table of the voltage.
         end: end of the result, s.
         precision: largest error, V: half from the hysteresis, half from the creep.
-        period: period of a drive that repeats, s.
+        period: period of a drive that repeats, s; None if it does not.
         settled: return one period in the steady state, after many periods; `end` is then the period.
     """
     made = drive
     if isinstance(piezo.hysteresis, MaxwellCapacitor):
-        return made  # the piezo's elements interact with the stage, and are part of the plant
+        return made  # unchanged: the elements of a MaxwellCapacitor are part of the plant
     if is_duhem(piezo.hysteresis):
         made = duhem_drive(piezo.hysteresis, drive, end, 0.5 * precision, settled)
     elif piezo.hysteresis is not None:
@@ -63,7 +63,8 @@ def at_piezo(
 
 
 def cycle_of(drive: Drive, period: float | None) -> int:
-    """Return the number of segments in one period [s] of a table; 0 if it does not repeat exactly."""
+    """Return the number of segments in one period [s] of a segment table. Return 0 if `period` is None, or
+    the table covers less than two periods or does not repeat exactly."""
     if period is None:
         return 0
     count = int(np.searchsorted(drive.start, period * (1.0 - 1e-9)))

@@ -4,9 +4,11 @@ r"""A drive with creep: each Kelvin-Voigt term in closed form for each segment, 
     x_k(L) = x_k(0)\,e^{-z} + z \sum_j c_j L^j I_j(z), \qquad
     I_j(z) = \int_0^1 e^{-z (1 - s)} s^j \, ds, \quad z = L / \tau_k
 
-This is the response to the polynomial of a segment, :math:`\sum_j c_j t^j`. Nothing cancels in the sum,
-however short or long the segment is compared with the time constant: :math:`I_j = j!\,\varphi_{j+1}(-z)`, the
-functions of exponential integrators [hochbruck2010]. The response to a harmonic is a smaller and delayed one.
+Here h is the voltage after hysteresis, and L the time since the start of a segment. The formula is the
+response to the polynomial of the segment, :math:`\sum_j c_j t^j`. The sum amplifies no rounding errors,
+however short or long the segment is compared with the time constant:
+:math:`I_j = j!\,\varphi_{j+1}(-z)`, the functions of exponential integrators [hochbruck2010].
+The response to a harmonic is a smaller and delayed one.
 The segments are divided into pieces, short enough that the cubic through values and slopes of both ends has
 the required precision.
 """
@@ -24,15 +26,15 @@ from ...quantities.units import QuantityError
 from ...waveform.drive import Drive
 from .cubics import Cubics, cubics_struct, filled, with_cubics
 
-# Terms of the series of I_3 for z from -1 to 1; the next one is below rounding.
+# Number of terms in the power series of I_3 for z from -1 to 1; the next term is below rounding.
 TERMS = 18
 
 
 def weights(z):
-    """Return I_0, I_1, I_2 and I_3 for a step of z time constants.
+    """Return the integrals I_0, I_1, I_2 and I_3 for a step of z time constants.
 
-    They are the weights of the coefficients of the drive's polynomial in the response of a creep term, see
-    the module. For small z a power series avoids cancellation.
+    The integrals are the weights of the coefficients of the drive's polynomial in the response of a creep
+    term, see the module. For small z a power series avoids cancellation.
     """
     if abs(z) > 1.0:
         first = -math.expm1(-z) / z
@@ -51,23 +53,23 @@ def weights(z):
 def creep_pieces(
     tau: Array, shares: Array, drive: Drive, end: float, x: Array, pieces: Cubics, most: float
 ) -> int:
-    """Fill `pieces` with cubics for the creep of the polynomials of a drive up to `end` [s]; return their
-    number, or -1 if they do not fit.
+    """Fill `pieces` with cubics, in V, for the creep of the polynomials of a drive up to `end` [s]; return
+    the number of pieces, or -1 if the arrays are too small.
 
     Args:
         tau, shares: time constant [s] and share of each creep term.
-        drive: segment table; the creep of its harmonics is left to the caller.
+        drive: segment table, V; the caller must add the creep of its harmonics.
         end: s.
         x: state of each term at the start, V; replaced by the state at the end.
-        pieces: arrays to fill.
-        most: largest error, V.
+        pieces: arrays to fill, from the start.
+        most: largest error of a cubic, V.
     """
     table, terms, made = DriveTable(drive), doubles(x, "terms", True), cubics_struct(pieces)
     return library().stickslip_lags_cubics(struct_of(tau, shares), table.struct, end, terms, most, made)
 
 
 def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float) -> Drive:
-    """Return the sum of a drive and its creep, up to `end` [s].
+    """Return the segment table of the sum of a drive and its creep, up to `end` [s].
 
     Args:
         of: model of the creep.
@@ -100,8 +102,8 @@ def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float
 
 
 def settled_terms(of: Creep, drive: Drive, period: float) -> Array:
-    """Return the creep terms [V] at the start of a period [s] in the steady state, when they repeat; `drive`
-    is the table of one period."""
+    """Return the creep terms [V] at the start of a period [s] in the steady state, when they repeat from
+    period to period; `drive` is the segment table of one period, V."""
     terms = np.zeros(len(of.shares))
     creeping(of, drive, period, terms, math.inf)
     return terms / -np.expm1(-period / np.array(of.time_constants))

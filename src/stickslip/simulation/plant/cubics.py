@@ -20,13 +20,17 @@ from ...waveform.drive import Drive
 
 Array = NDArray[np.float64]
 
-# Largest number of pieces of a table, about a gigabyte. A drive that needs more is refused.
+# Largest number of pieces of a table, which then takes about a gigabyte. A drive that needs more is refused.
 MOST_PIECES = 4_000_000
 
 
 class Cubics(NamedTuple):
-    """Cubic pieces: `start` [n], s; `source` [n], index of the drive's segment; `cubic` [n, 4], coefficients
-    of the added polynomial of the time since `start`, constant term first."""
+    """Cubic pieces that are added to a drive.
+
+    Fields: `start` [n], start of each piece, s; `source` [n], index of the drive's segment that contains the
+    piece; `cubic` [n, 4], coefficients of the added polynomial of the time since `start`, constant term
+    first.
+    """
 
     start: Array
     source: NDArray[np.int64]
@@ -34,7 +38,8 @@ class Cubics(NamedTuple):
 
 
 def cubics_struct(pieces: Cubics) -> Any:
-    """Return the pieces as a C struct for the engine to fill; it is valid as long as their arrays exist."""
+    """Return a C struct with pointers to the arrays of `pieces`, which the engine fills. The struct is valid
+    as long as the arrays exist."""
     cubic = ffi.cast("real_t (*)[4]", doubles(pieces.cubic, "pieces", True))
     start, source = doubles(pieces.start, "pieces", True), integers(pieces.source, "pieces")
     return ffi.new("struct cubics *", (pieces.start.size, start, source, cubic))
@@ -46,11 +51,11 @@ def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cub
     Args:
         fill: function of the state and of empty `Cubics` to fill; it replaces the state by that at the end,
             and returns the number of pieces, or -1 if they do not fit.
-        state: state at the start.
-        room: number of pieces in the first attempt.
+        state: state of hysteresis or creep at the start, V; replaced by the state at the end.
+        room: number of pieces for which the arrays of the first attempt have room.
 
     Raises:
-        QuantityError: more pieces than fit into memory.
+        QuantityError: more pieces are needed than `MOST_PIECES`.
     """
     begun = state.copy()
     while room <= 4 * MOST_PIECES:
@@ -67,14 +72,15 @@ def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cub
 
 
 def with_cubics(drive: Drive, pieces: Cubics, before: float) -> Drive:
-    """Return the drive plus the cubics as a segment table; before its start, its value is `before` [V]."""
+    """Return the sum of the drive and the cubics as a segment table, whose value before its start is `before`
+    [V]; each piece becomes a segment."""
     made = moved_on(drive, pieces.source, pieces.start)
     return Drive(before, pieces.start, made.polynomial + pieces.cubic, made.first, made.harmonic)
 
 
 def moved_on(drive: Drive, source: NDArray[np.int64], start: Array) -> Drive:
-    """Return the segments `source` [n] of a drive with their formulas rewritten for later start times `start`
-    [n], s."""
+    """Return a drive whose segment i is a part of segment `source[i]` of the given one: it starts at
+    `start[i]` [s], and its formula is rewritten for the time since then. The signal is not changed."""
     tau = start - drive.start[source]
     c0, c1, c2, c3 = drive.polynomial[source].T
     polynomial = np.column_stack(

@@ -22,9 +22,10 @@ from .cubics import Cubics, cubics_struct, filled, with_cubics
 
 Array = NDArray[np.float64]
 
-# Finest precision of a table, V: ten times the accuracy with which h is computed.
+# Smallest precision of a table, V: ten times the error of the computed h. Smaller ones are replaced by this.
 FINEST = 10.0 * EXACT
-# Largest number of periods that are computed until h repeats to rounding.
+# Largest number of periods that are computed to find the steady state, in which h repeats from period to
+# period.
 SETTLES = 1_000
 
 
@@ -34,9 +35,9 @@ def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bo
 
     Args:
         of: model of the hysteresis.
-        drive: segment table.
+        drive: segment table of the voltage.
         end: end of the result, s.
-        precision: largest error, V.
+        precision: largest error, V, at least `FINEST`.
         settled: return one period in the steady state, after many periods; `end` is then the period.
 
     Raises:
@@ -62,8 +63,14 @@ def duhem_drive(of: Any, drive: Drive, end: float, precision: float, settled: bo
 
 
 def _refuse_infinite(of: Any, drive: Drive, end: float) -> None:
-    """Raise QuantityError if the hysteretic part h is not finite between the smallest and the largest voltage
-    of the drive up to `end` [s]."""
+    """Raise QuantityError if the hysteretic part h becomes infinite or NaN in cycles between the smallest and
+    the largest voltage of the segment table `drive` up to `end` [s].
+
+    Args:
+        of: model of the hysteresis.
+        drive: segment table of the voltage.
+        end: s.
+    """
     rows = np.diff(drive.first)
     swing = np.bincount(np.repeat(np.arange(rows.size), rows), np.abs(drive.harmonic[:, 0]), rows.size)
     lasts = np.maximum(np.append(drive.start[1:], max(end, drive.start[-1])) - drive.start, 0.0)

@@ -25,13 +25,14 @@ Array = NDArray[np.float64]
 
 
 class Pieces(NamedTuple):
-    """Pieces of the operators' output under a drive: in each, it is level + slope (u(t) - u(start)).
+    """Pieces of the operators' output under a drive u: in each, the output is level + slope (u(t) -
+    u(start)).
 
     Attributes:
         start: start of each piece, s, [n].
-        source: index of the drive's segment, [n].
-        slope: output per drive, [n].
-        level: output at the start, V, [n].
+        source: index of the drive's segment that contains the piece, [n].
+        slope: change of the output over the change of the drive (V/V), [n].
+        level: output at the start of the piece, V, [n].
     """
 
     start: Array
@@ -41,10 +42,15 @@ class Pieces(NamedTuple):
 
 
 def split(plays: Operators, drive: Drive, end: float, z: Array, pieces: Pieces) -> int:
-    """Fill `pieces` with the output of play operators under a drive up to `end` [s]; return their number, or
-    -1 if they do not fit.
+    """Fill `pieces` with the output of play operators under a drive; return the number of pieces, or -1 if
+    the arrays are too small.
 
-    z are the states of the plays at the start, V; they are replaced by those at the end.
+    Args:
+        plays: the operators.
+        drive: segment table of the voltage.
+        end: end of the last piece, s.
+        z: states of the plays at the start, V; replaced by those at the end.
+        pieces: arrays to fill, from the start.
     """
     sized("z", z, plays.threshold.size)
     start, slope, level = (doubles(row, "pieces", True) for row in (pieces.start, pieces.slope, pieces.level))
@@ -60,15 +66,17 @@ def through(plays: Operators, drive: Drive, end: float, z: Array, rest: float, c
     Args:
         plays: the operators.
         drive: segment table of the voltage.
-        end: s.
+        end: end of the result, s.
         z: states of the plays at the start, V; replaced by those at the end (with a `cycle`, after two
             periods).
         rest: output before the start, V.
         cycle: number of segments in a period of a drive that repeats from its start; 0 for another drive.
-            Plays forget all but the extremes, so the result after the second period repeats that period.
+            Only
+            two periods are then computed: plays remember only the extremes of the voltage, so that later
+            periods repeat the second one.
 
     Raises:
-        QuantityError: the output has too many segments.
+        QuantityError: the output has more segments than `cubics.MOST_PIECES`, in proportion to the drive's.
     """
     room, before = 64 + 4 * drive.start.size * (1 + plays.weight.size // 4), z.copy()
     some = end
@@ -90,10 +98,11 @@ def through(plays: Operators, drive: Drive, end: float, z: Array, rest: float, c
 
 
 def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
-    """Return the pieces of two periods, followed by repetitions of the second up to the end."""
+    """Return the `pieces` of two periods, followed by repetitions of the second one up to `end` [s]. `cycle`
+    is the number of segments of the drive in a period."""
     second = pieces.source >= cycle
     tau = (pieces.start - drive.start[pieces.source])[second]
-    more = drive.start.size // cycle  # enough periods; pieces beyond the end are removed below
+    more = drive.start.size // cycle  # more repetitions than needed; those beyond the end are removed below
     source = (pieces.source[second] + cycle * np.arange(1, more + 1)[:, None]).ravel()
     there = source < drive.start.size
     source = source[there]
@@ -108,7 +117,8 @@ def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
 
 
 def _table(drive: Drive, pieces: Pieces, before: float) -> Drive:
-    """Return pieces of the operators' output as a segment table, which is `before` [V] before its start."""
+    """Return the operators' output, given as pieces, as a segment table with the value `before` [V] before
+    its start."""
     made = moved_on(drive, pieces.source, pieces.start)
     rows = np.diff(made.first)
     harmonic = made.harmonic.copy()

@@ -14,7 +14,7 @@ creep, a controller).
 
 With k = ωₙ², c = 2ζωₙ, b = Cωₙ², p = -1/m and 1/m_e this is the thesis's model [kang2007, eq. 3.20-3.25].
 
-A coefficient that is None is a zero without computing time.
+A coefficient that is None is zero, and the engine then omits its term, which saves computing time.
 
 The last term is the effect of a changing normal force on a contact: newly loaded area carries no tangential
 force (F stays, z falls in proportion), unloaded area loses its share in proportion (z stays) [mindlin1953].
@@ -37,8 +37,11 @@ from ...quantities.records import numbers_in, with_numbers
 
 
 class Mode(NamedTuple):
-    """One linear mode: `stiffness` k [1/s²], `damping` c [1/s], `drive` b [m/s² per unit of the drive],
-    `acceleration` a [m/s²] of the constant forces."""
+    """One linear mode of a body, per unit of its mass.
+
+    Fields: `stiffness` k [1/s²], `damping` c [1/s], `drive` b [m/s² per unit of the drive], and
+    `acceleration` a [m/s²] by the constant forces (rad instead of m for a rotary actuator).
+    """
 
     stiffness: float
     damping: float
@@ -50,10 +53,10 @@ class Element(NamedTuple):
     """Element of a plant, such as a friction contact; the letters are those of the module's equations.
 
     Attributes:
-        law: record of the element.
+        law: record of the element, such as a friction law.
         velocity: h, coefficients of the velocities, one per mode, or None.
-        push: p, acceleration per unit of output, one per mode, or None.
-        normal: N, constant factor of the output.
+        push: p, acceleration [m/s²] per unit of output (per N for a contact), one per mode, or None.
+        normal: N, constant factor of the output: the relative normal force of a contact.
         loaded: 1.0 if the normal force varies with the load, or None.
         drive_rate: d', coefficient of the rate of the drive, or None.
         drive: d, coefficient of the drive, or None.
@@ -76,7 +79,8 @@ class Element(NamedTuple):
 
 
 class Plant(NamedTuple):
-    """A system. `rate` [rad/s] makes a velocity comparable with a position in the error control.
+    """A system of modes and elements. `rate` [rad/s] makes a velocity comparable with a position in the error
+    control: the error of a velocity is divided by it.
 
     Its state is a row of numbers: position and velocity of each mode, then the states of each element.
     """
@@ -87,13 +91,17 @@ class Plant(NamedTuple):
 
 
 def state_size(plant: Plant) -> int:
-    """Return the number of states."""
+    """Return the number of states of a plant: two per mode, and those of the elements."""
     return 2 * len(plant.modes) + sum(elements(e.law) for e in plant.elements)
 
 
 def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
-    """Return all numbers of a plant, [count, numbers], in the order of `with_values`. A number of the plant
-    that is an array [count] gives each row its own value."""
+    """Return all numbers of a plant, [count, numbers], in the order of its fields, without those that are
+    None.
+
+    A number of the plant that is an array [count] gives each row its own value; others are the same in all
+    rows. `with_values` takes a row.
+    """
     found = list(numbers_in(plant))
     if count == 1 and all(isinstance(value, float) for value in found):
         return np.array([found])
@@ -104,13 +112,20 @@ def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
 
 
 def with_values(plant: Plant, values: NDArray[np.float64]) -> Plant:
-    """Return a plant with this layout and these numbers, in the order of `values_of`, unchecked."""
+    """Return a plant with the layout of `plant` and the numbers `values` [numbers], in the order of
+    `values_of`, unchecked."""
     return with_numbers(plant, iter(values.tolist()))
 
 
 def speeds(plant: Plant, q: NDArray[np.float64], u: float, rate: float) -> list[float]:
-    """Return the input of each element at the state q, the drive u [V] and its rate [V/s], without
-    contributions of other elements."""
+    """Return the input s of each element (m/s for a contact; see the module), without the terms of other
+    elements.
+
+    Args:
+        plant: the plant.
+        q: state [states].
+        u, rate: drive, V, and its rate, V/s.
+    """
     positions, velocities = q[0 : 2 * len(plant.modes) : 2], q[1 : 2 * len(plant.modes) : 2]
 
     def along(shares: Sequence[float | None] | None, values: NDArray[np.float64]) -> float:
