@@ -24,8 +24,8 @@ from ..recording.noise import noise_level
 from .recorded.known_noise import LEAST_STEP, SIMULATED
 from .recorded.levels import converter_step
 
-# Number of random draws; and share of a parameter's variance that comes from steps or noise of the inputs,
-# above which the fit gets a remark.
+# DRAWS: number of random draws. WORTH_SAYING: share of a parameter's variance by steps or noise of the
+# inputs, above which the fit gets a remark.
 DRAWS, WORTH_SAYING = 24, 0.1
 # Orders of the differences of samples from which noise is estimated; the smallest estimate counts. Higher
 # orders remove smooth motion better if it is sampled coarsely.
@@ -63,13 +63,13 @@ class Inexact(NamedTuple):
 
 
 def moved_by(known: Sequence[Inexact], residuals: Callable[[Sequence[Array]], Array]) -> Array | None:
-    """Return the changes of a fit's residuals by random draws of the quantities, shape (draws, n); None if
-    all quantities are exact.
+    """Return the changes of a fit's residuals by random draws of the quantities, shape (draws, n); None if no
+    quantity has a step or noise.
 
     Args:
-        known: recorded quantities.
-        residuals: function that takes the samples of each quantity and returns the residuals of all
-            recordings, shape (n,).
+        known: recorded quantities, usually one channel in each recording.
+        residuals: function that takes the list of samples of all quantities and returns the residuals of all
+            recordings, joined, shape (n,), in the unit of the data.
     """
     if not any(one.step or one.noise for one in known):
         return None
@@ -95,8 +95,8 @@ def said_steps(what: str, known: Sequence[Inexact], unit: str) -> str:
     quantity.
 
     Args:
-        what: name of the quantity.
-        known: its samples in each recording.
+        what: name of the quantity in the sentence.
+        known: samples of the quantity in each recording; the largest step and noise are named.
         unit: unit of the quantity.
     """
     step, noise = (max(getattr(one, name) for one in known) for name in ("step", "noise"))

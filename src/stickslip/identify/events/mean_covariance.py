@@ -5,28 +5,30 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-# Smallest ratio of the variance with correlated neighbours to the variance without. A recording has too few
-# events to show a smaller one.
+# Smallest ratio of the variance of a mean with correlation between neighbours to the variance without
+# correlation. A recording has too few events to show a smaller ratio.
 LEAST = 0.1
-# Relative addition to each variance, which separates quantities that differ by rounding only.
+# Relative addition to each variance, without which the covariance of quantities that differ by rounding only
+# would not be positive definite.
 ROUNDING = 1e-9
 
 Array = NDArray[np.floating]
 
 
 def covariance_of_mean(rows: Array) -> Array:
-    """Return the covariance [k, k] of the mean of n >= 2 rows [n, k], if each row may be correlated with the
-    next.
+    """Return the covariance [k, k] of the mean over n >= 2 rows [n, k] of k quantities, if each row may be
+    correlated with the next one.
 
-    This is the spectrum at frequency zero: the covariance of the rows and their covariance with the next row,
-    divided by n.
+    The result is the spectrum at frequency zero, divided by n: the covariance of the rows, plus their
+    covariance with the next and with the previous row.
     """
     n = len(rows)
     left = rows - rows.mean(axis=0)
-    # The mean comes from the same rows, which lowers the sum by the variance of three rows.
+    # Deviations from the rows' own mean are too small: their sum over the three lags lacks the variance of
+    # three rows.
     free = max(n - 3, 1)
     own = left.T @ left / free
-    smallest = (1e-12 * np.abs(rows).max(axis=0)) ** 2  # for columns that do not vary
+    smallest = (1e-12 * np.abs(rows).max(axis=0)) ** 2  # variance of columns that do not vary
     own = own + np.diag(ROUNDING * np.diag(own) + smallest)
     with_next = left[1:].T @ left[:-1] / free
     factor = np.linalg.cholesky(own)
@@ -39,6 +41,7 @@ def covariance_of_mean(rows: Array) -> Array:
 def degrees_of_freedom(n: int) -> float:
     """Return the degrees of freedom of Student's t for means of n rows with `covariance_of_mean`.
 
-    The three lags use the same rows, and the weights estimated from these rows cost one degree.
+    The covariances at the three lags -1, 0 and 1 use the same rows, so n counts as n/3; the weights estimated
+    from these rows cost one degree. The result is at least 1.
     """
     return max(n / 3.0 - 1.0, 1.0)

@@ -19,17 +19,17 @@ Array = NDArray[np.float64]
 def mean_step(differences: Array, moves: Array) -> tuple[float, float]:
     """Return the mean step of a walk, and its standard error.
 
-    Peak k lies at k steps, each with a scatter of its own, plus white noise of the position. So the
-    differences of peaks have the variance b moves + 2 a, and neighbours the covariance -a. The data determine
-    the ratio a/b only roughly: results of generalised least squares for all ratios are weighted by their
-    restricted likelihoods, and the error includes their differences.
+    Peak k lies at k steps, each with a random scatter (variance b), plus white noise of the position
+    (variance a). So the differences of peaks have the variance b moves + 2 a, and neighbours have the
+    covariance -a. The data determine the ratio a/b only roughly: results of generalised least squares for all
+    ratios are weighted by their restricted likelihoods, and the error includes their differences.
 
     Args:
-        differences: from each peak to the next, shape (n,), in any unit.
-        moves: number of steps in each, shape (n,).
+        differences: distance from each peak to the next, shape (n,), in any unit.
+        moves: number of steps in each distance, shape (n,).
 
     Returns:
-        Step and standard error in that unit; NaN for the error of a single difference.
+        Step and standard error in the unit of the differences; the error of a single difference is NaN.
     """
     if differences.size < 2:
         return float(differences[0] / moves[0]), math.nan
@@ -48,10 +48,19 @@ def degrees_of_freedom(n: int) -> int:
 
 
 def _at_ratio(differences: Array, moves: Array, ratio: float) -> tuple[float, float, float]:
-    """Fit the mean step by generalised least squares at a known ratio a/b of the two variances; return the
-    step [m], its variance and the log-likelihood."""
+    """Fit the mean step by generalised least squares at a known ratio a/b of the two variances.
+
+    Args:
+        differences, moves: as for `mean_step`.
+        ratio: a/b.
+
+    Returns:
+        Step, its variance (in the unit of the differences and its square), and the restricted log-likelihood
+            up to a constant.
+    """
     n = differences.size
-    covariance = np.zeros((2, n))  # the upper diagonal, and the main one
+    # The covariance matrix is tridiagonal; its two rows here are the upper diagonal and the main diagonal.
+    covariance = np.zeros((2, n))
     covariance[0, 1:] = -ratio / (1.0 + 2.0 * ratio)
     covariance[1] = (moves + 2.0 * ratio) / (1.0 + 2.0 * ratio)
     factor = scipy.linalg.cholesky_banded(covariance)

@@ -37,17 +37,20 @@ from .mean_covariance import covariance_of_mean, degrees_of_freedom
 if TYPE_CHECKING:
     import xarray as xr
 
-# A drop of the force is an event if it exceeds this share of the mean force and the effect of noise.
+# Smallest drop of the force that is an event, as a share of the mean force; it must exceed the noise, too.
 _EVENT = 0.08
-# Natural periods between events below which the slider hardly sticks between its oscillations.
+# Largest mean time between events, in natural periods of the slider on its spring, of the "inertial" regime,
+# in which the slider hardly sticks between its oscillations.
 INERTIAL = 2.0
-# Smallest relative shortening of the mean period that counts, and its size in standard errors.
+# Events are faster than physics allows if their mean period is shorter than the free period by more than the
+# share QUICKER, beyond SURE standard errors of the mean.
 QUICKER, SURE = 0.02, 3.0
-# Number of events in the stationary part of a simulation, and before it.
+# Smallest number of events in the used, stationary part of a simulation, and as many before this part.
 _EVENTS = 12
 # Fewest events from which their scatter is estimated.
 _LEAST = 10
-# Number of noisy events in the simulation, in multiples of the recorded events.
+# Number of simulated events with random noise that estimate the shift of the means by noise, in multiples of
+# the recorded events.
 _NOISY = 10
 UNPREDICTED = "it is of the means of events; a simulated PulledSlider with its coefficients has such events"
 
@@ -81,9 +84,10 @@ class PulledRig(NamedTuple):
 class Events:
     """Stick-slip events of one recording.
 
-    Fields: forces over the weight at the top and bottom of each event; the periods [s] between the moments at
-    which the force falls through the middle of the events; `sticking`, the share of the time in which the
-    force grows as in stick; `free_period` [s] of the slider on its spring without friction.
+    Fields: `top` and `bottom`, spring force over the weight before and after the drop of each event,
+    [events]; `period`, the times between successive drops, s, [events - 1] (a drop's moment is that at which
+    the force falls through the middle); `sticking`, the share of the time in which the force grows as in
+    stick; `free_period` [s] of the slider on its spring without friction.
     """
 
     top: NDArray[np.float64]
@@ -95,7 +99,7 @@ class Events:
     @property
     def regime(self) -> str:
         """Return the regime of the motion: "stick-slip", "inertial" (oscillating, with hardly any stick) or
-        "steady".
+        "steady" (no events).
 
         A slip lasts at most one free period. So the slider sticks most of the time if events are more than
         two free periods apart.
@@ -125,7 +129,8 @@ class Events:
         )
 
     def summary(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Return the mean top, bottom and period, and the covariance of these means [3, 3].
+        """Return the means of top, bottom and period [s], in this order, shape (3,), and the covariance of
+        these means, shape (3, 3).
 
         The means are correlated: an event that starts high ends low and late. So are successive events,
         because a period belongs to two events.
@@ -140,7 +145,12 @@ def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_rat
 
     A median filter over an eighth of a natural period removes impulsive noise. An event is a fall of more
     than 8 % of the mean force that also exceeds the range of the filtered white noise. Tops closer than half
-    a natural period count as one.
+    a natural period count as one. With fewer than three tops the result has no events.
+
+    Args:
+        recording: over "time" [s], with the force over the weight.
+        rig: set-up that pulls the slider.
+        channel: name of the channel with the force over the weight.
 
     Raises:
         FitError: the recording has fewer than 16 samples in half a natural period; or the channel is missing,
@@ -165,15 +175,19 @@ def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_rat
     bottoms = np.array([a + np.argmin(smooth[a:b]) for a, b in pairwise(tops)])
     # Times are read on the steep falling flank, because noise shifts a top of the slow climb.
     fallen = [_fallen(time[a : b + 1], smooth[a : b + 1]) for a, b in zip(tops, bottoms, strict=False)]
-    # In stick the force climbs at the loading rate from the bottom to the next top; a moving slider takes
-    # longer.
+    # A sticking slider needs the time `climb` for the rise of the force from the bottom to the next top; a
+    # moving slider takes longer.
     climb = (smooth[tops[1:]] - smooth[bottoms]) / rig.loading_rate
     sticking = float(np.sum(np.minimum(climb, time[tops[1:]] - time[bottoms])) / np.ptp(time[tops]))
     return Events(smooth[tops[:-1]], smooth[bottoms], np.diff(fallen), sticking, free)
 
 
 def _force(recording: xr.Dataset, channel: str) -> NDArray[np.float64]:
-    """Return the values of the channel; raise FitError if they cannot be a spring force over a weight."""
+    """Return the values of the channel, shape (n,).
+
+    Raises:
+        FitError: the channel is missing, not finite, or has a negative mean.
+    """
     if channel not in recording:
         raise FitError(f"the recording has no channel {channel!r}; it has {', '.join(map(str, recording))}")
     force = np.asarray(recording[channel].values, dtype=float)
@@ -195,32 +209,38 @@ def _force(recording: xr.Dataset, channel: str) -> NDArray[np.float64]:
 def _range_of_noise(force: NDArray[np.float64], size: int) -> float:
     """Return the expected range (largest less smallest) of the force's white noise after a median filter of
     `size` samples."""
-    # Fourth differences contain only fast changes. The median of n has 1.25 times the standard deviation of
-    # the mean.
+    # A median of n samples scatters 1.2533 times (the root of pi/2) as much as their mean.
     spread = 1.2533 * noise_level(force) / math.sqrt(size) if size > 1 else noise_level(force)
     return 2.0 * math.sqrt(2.0 * math.log(force.size)) * spread
 
 
 def _fallen(time: NDArray[np.float64], force: NDArray[np.float64]) -> float:
-    """Return the last time [s] at which a falling force is half-way between its first and last value."""
+    """Return the last time [s] at which a falling force [n] is half-way between its first and last value,
+    interpolated between the samples at `time` [n], s."""
     above = force - 0.5 * (force[0] + force[-1])
     i = int(np.flatnonzero(above >= 0.0)[-1])
     return float(time[i] + (time[i + 1] - time[i]) * above[i] / (above[i] - above[i + 1]))
 
 
 def slider(rig: PulledRig, static: float, dynamic: float, damping: float = 0.0) -> PulledSlider:
-    """Return the model of the pulled slider with these friction coefficients and a damping [N s/m] by air and
-    spring."""
+    """Return the model of the pulled slider.
+
+    Args:
+        rig: mass and stiffness of the set-up.
+        static, dynamic: friction coefficients, whose products with the weight are stiction and Coulomb force.
+        damping: viscous damping by air and spring, N s/m.
+    """
     law = StictionCoulombViscous(dynamic * rig.weight, static * rig.weight, damping)
     return PulledSlider(rig.mass, rig.stiffness, 0.0, law)
 
 
 def simulated_force(model: PulledSlider, rig: PulledRig, interval: float | None = None) -> xr.Dataset:
-    """Return the simulated stationary spring force over the weight (`force_ratio`), over some ten events,
-    when the slider is pulled at the speed of the rig.
+    """Return a simulated recording of the stationary motion, over at least ten events, when the slider is
+    pulled at the speed of the rig.
 
-    Its attribute `period` [s] is the longest time that an event can take. The force is sampled every
-    `interval` [s]; by default 200 times per event and 64 times per slip.
+    The recording contains the spring force over the weight, `force_ratio`. Its attribute `period` [s] is the
+    longest time that an event can take. Samples are `interval` [s] apart; by default at least 200 in an event
+    and 64 in a slip.
     """
     law = model.friction
     rise = 2.0 * (law.stiction_force - law.coulomb_force) / (rig.stiffness * rig.speed)
@@ -242,11 +262,9 @@ def identify_pulled_slider(
 ) -> Fit:
     """Fit static and dynamic friction coefficients to the events of one recording.
 
-    The fit compares the mean top, bottom and period of the events with those of a simulated slider, sampled
-    like the recording. It is weighted by the covariance of the means (see `Events.summary`). The shift of the
-    means by noise is estimated on the simulated events and removed. The model of a fit is a `slider`. One of
-    both coefficients may be `tied` to the other, as for `identify_friction`: ``{"stiction_excess": "0.2 *
-    dynamic_coefficient"}``.
+    The fit compares the mean top, bottom and period of the events with those of a simulated `slider`, sampled
+    like the recording, and weights them by the covariance of the means (see `Events.summary`). The shift of
+    the means by noise is estimated on the simulated events and removed.
 
     Events do not distinguish damping from friction: a slip with a damping ratio zeta ends higher by exp(-pi
     zeta), but counts as undamped, so the excess is found low by about pi/2 zeta of itself (8 % at 0.05). The
@@ -255,13 +273,15 @@ def identify_pulled_slider(
     neither error.
 
     Args:
-        recording: with the spring force over the slider's weight.
+        recording: over "time" [s], with the spring force over the slider's weight.
         rig: mass, spring and speed of the set-up.
-        channel: name of that channel.
-        tied: expression of the tied coefficient.
+        channel: name of the channel with the force over the weight.
+        tied: expression of one coefficient by the other, as for `identify_friction`:
+            ``{"stiction_excess": "0.2 * dynamic_coefficient"}``.
 
     Returns:
-        A fit of dynamic_coefficient and stiction_excess, the static minus the dynamic coefficient.
+        A fit of dynamic_coefficient and stiction_excess, the static minus the dynamic coefficient. It has no
+        `predict` and no `model`; `slider` makes one from the coefficients.
 
     Raises:
         QuantityError: an expression in `tied` is wrong.
@@ -305,14 +325,15 @@ def identify_pulled_slider(
     repeats = math.ceil(_NOISY * events.period.size / _EVENTS)
     found = fit(means, np.diag(np.diag(covariance)))
     clean = force(found.values)
-    # The sampling also shifts the means of the simulated events.
+    # The sampled events of the simulation scatter, too; the covariance of their means is added.
     covariance = covariance + slip_events(clean, rig).summary()[1]
     found = fit(means - _shift(clean, rig, noise, repeats), covariance)
     return replace(found, unpredicted=UNPREDICTED)
 
 
 def _shift(clean: xr.Dataset, rig: PulledRig, noise: float, repeats: int) -> NDArray[np.floating]:
-    """Return the shifts of the mean top, bottom and period of events by white noise, shape (3,).
+    """Return the shifts of the mean top, bottom and period [s] of events by white noise, in this order, shape
+    (3,); 0 if no repetition shows events.
 
     Args:
         clean: simulated recording without noise, with `force_ratio`.

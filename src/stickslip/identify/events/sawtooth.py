@@ -16,8 +16,8 @@ from .slips import SlipEvents, slips_of
 from .vibration import vibration_of
 
 POSITION = "end_effector_position"
-# Parts of the slow motion that determine the position just before and after a slip, as shares of a period
-# after the previous slip and after the slip itself.
+# Parts (start, end) of the slow motion through which lines are fitted for the position just before and just
+# after a slip, in periods. BEFORE counts from one period before the slip, AFTER from the slip.
 BEFORE, AFTER = (0.65, 0.97), (0.25, 0.6)
 # Length of the motion after each slip for the spectrum, as a share of a period.
 SPECTRUM = 0.25
@@ -33,15 +33,16 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
     extrapolated to the slip by a line through part of the slow motion.
 
     Args:
-        recording: with end_effector_position [m], and drive_voltage [V] if there is one.
-        smoothing: samples of a running mean over the position; the thesis takes 3.
+        recording: with end_effector_position [m] (rad), and drive_voltage [V] if there is one.
+        smoothing: number of samples of a running mean over the position; [kang2007] takes 3.
         observed: name of the position channel.
 
     Returns:
-        Over "slip" `slip_time` [s], `walk_number`, `peak` and `valley` [m], `up_step` (from the valley
-        before to the peak) and `down_step` (peak to valley), both [m], positive along the walk, NaN where
-        there is no slip before. Over "walk": `direction`, `n_slips`, `missing` (periods without a slip),
-        `start` [s], `bias` [m]; `up` and `down` [m], the thesis's a and b (a - b is the mean difference
+        Over "slip": `slip_time` [s], `walk_number` (from 0), `peak` and `valley` [m], `up_step` (from the
+        valley before to the peak) and `down_step` (peak to valley), both [m], positive along the walk, NaN
+        where there is no slip before. Over "walk": `direction` (1 forward, -1 backward), `n_slips`, `missing`
+        (periods without a slip), `start` [s] of the first period, `bias` [m], the position before it; `up`
+        and `down` [m], a and b of [kang2007] (a - b is the mean difference
         of peaks, N a - (N-1) b the last peak; for a walk that starts with a jump, medians of up_step and
         down_step); `net_step` [m], the mean step of the process that made the walk, with its standard
         error `net_step_error`, from noise of the positions and scatter of the steps, and the degrees of
@@ -87,7 +88,7 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
     return found
 
 
-# Units of the features for a position in m.
+# Units of the features over "slip" and over "walk" for a position in m; "" for plain numbers.
 SLIP_UNITS = {
     "peak": "m",
     "valley": "m",
@@ -115,8 +116,8 @@ WALK_UNITS = {
 
 
 def _line(t: Array, x: Array, first: float, last: float, at: float) -> float:
-    """Return the value at time `at` [s] of the straight line through the samples x [n] between the times
-    `first` and `last` [s]; NaN for too few samples. t are the times of all samples, s."""
+    """Return the value at time `at` [s] of the least-squares line through the samples x [n] between the times
+    `first` and `last` [s]; NaN for fewer than three samples. t are the times of all samples, s, [n]."""
     i, j = np.searchsorted(t, (first, last))
     if j - i < 3 or first < t[0]:
         return math.nan
@@ -131,8 +132,8 @@ def _mean(t: Array, x: Array, first: float, last: float) -> float:
 
 
 def _steps(t: Array, x: Array, slips: SlipEvents) -> dict[str, Any]:
-    """Return, by name, the positions before and after each slip, and the steps between them, in m, shape
-    (slips,)."""
+    """Return the features of each slip by the names in `SLIP_UNITS`, shape (slips,), from times t [s],
+    positions x [m] and the slips."""
     p = slips.period
     ends = np.append(slips.time[1:], t[-1])
     peak = np.array([_line(t, x, s - (1 - BEFORE[0]) * p, s - (1 - BEFORE[1]) * p, s) for s in slips.time])
@@ -164,7 +165,8 @@ def _walk(t: Array, x: Array, slips: SlipEvents, steps: dict[str, Array], number
     along = -float(slips.sign[own][0])
     places = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(np.diff(time) / p)))])
     before = _mean(t, x, time[0] - 1.5 * p, time[0] - 1.05 * p)
-    # A forward sawtooth starts with a slow rise, a reverse one with a jump.
+    # A walk may start with a slow motion or with a jump. After a slow motion the first peak is above the
+    # position before the walk.
     down = float(np.nanmedian(steps["down_step"][own]))
     slip_first = not along * (peak[0] - before) > 0.5 * down
     start = time[0] if slip_first else time[0] - p
@@ -184,7 +186,8 @@ def _walk(t: Array, x: Array, slips: SlipEvents, steps: dict[str, Array], number
             math.nan,
         )
     d = along * (peak[known] - bias)
-    # A period without a detected slip had no motion, or a motion that was not detected.
+    # A period without a detected slip had no step, or a step whose slip was not detected: the distance
+    # between the peaks shows how many steps there were.
     usual = float(np.median(np.diff(d)))
     moves = np.clip(np.round(np.diff(d) / (usual or 1.0)), 1, np.diff(places[known]))
     k = np.concatenate([[0.0], np.cumsum(moves)]) + np.flatnonzero(known)[0]
@@ -214,7 +217,8 @@ def _asymmetry(walks: list[dict[str, float]]) -> float:
 
 def _spectrum(t: Array, x: Array, slips: SlipEvents) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return frequencies [Hz] and amplitudes [m] of the mean motion in the first quarter of a period after
-    the slips, without its linear trend; NaN for fewer than two slips."""
+    the slips, less a line through the second half of this part; amplitudes are NaN for fewer than two
+    slips."""
     interval = float(np.median(np.diff(t)))
     count = max(8, int(SPECTRUM * slips.period / interval))
     pieces = []

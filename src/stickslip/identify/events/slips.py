@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 from ...recording import RecordingError
 from ..recorded.drives import refuse_coarse
 
-# Smallest jump of the drive, relative to its range.
+# Smallest change of the drive from one sample to the next that is a jump, relative to its range.
 JUMP = 0.3
-# Periods without a slip after which the next slip belongs to another walk.
+# Time without a slip, in periods, after which the next slip belongs to another walk.
 APART = 4.5
-# Smallest median edge of the position at which its edges are slips, in standard deviations of the edges that
+# Smallest median height of the edges in a position that are slips, in standard deviations of the edges that
 # noise makes. An edge is the mean of some samples minus the mean of as many samples before.
 ABOVE_NOISE = 5.0
-# Largest irregularity of the times between slips, relative to a period.
+# Largest deviation of the time between two edges from a whole number of periods, in periods, at which the
+# time counts as regular.
 IRREGULAR = 0.25
 
 Array = NDArray[np.float64]
@@ -27,9 +28,10 @@ Array = NDArray[np.float64]
 class SlipEvents(NamedTuple):
     """Slips of a recording.
 
-    Fields: instants [s] of the slips, ascending; sign of each jump of the position, +1 or -1; `walk`, the
-    number of the walk of each slip; the period [s]; the delay of the position after the drive [s], NaN
-    without a drive; and `inverted`, True if the position jumps against the drive.
+    Fields: `time`, instants of the slips, s, ascending, [n]; `sign` of each jump of the position, +1 or -1,
+    [n]; `walk`, the number of the walk (from 0) of each slip, [n]; `period` of the slips [s]; `delay` of the
+    position after the drive [s], NaN without a drive; and `inverted`, True if the position jumps against the
+    drive (False without a drive).
     """
 
     time: Array
@@ -41,7 +43,19 @@ class SlipEvents(NamedTuple):
 
 
 def slips_of(t: Array, x: Array, u: Array | None, where: str) -> SlipEvents:
-    """Return the slips of a recording: time [n] s, position [n] m and, if it is known, drive [n] V."""
+    """Return the slips of a recording, from the jumps of the drive and their delay, or from the position
+    alone.
+
+    Args:
+        t: times, s, [n].
+        x: positions, m (rad), [n].
+        u: drive voltage, V, [n]; None: not recorded.
+        where: name of the recording in errors.
+
+    Raises:
+        RecordingError: the drive has fewer than two jumps, no slips exceed the noise of the position, or a
+            period has too few samples.
+    """
     if u is None:
         time, sign, period = _in_position(t, x, where)
         return SlipEvents(time, sign, _walks(time, sign, period), period, np.nan, False)
@@ -63,8 +77,8 @@ def slips_of(t: Array, x: Array, u: Array | None, where: str) -> SlipEvents:
 
 
 def _walks(time: Array, sign: NDArray[np.int64], period: float) -> NDArray[np.int64]:
-    """Return the number of the walk to which each slip belongs, [n]: a new walk starts after a pause much
-    longer than `period` [s], or if the direction changes."""
+    """Return the number of the walk (from 0) to which each slip belongs, [n]. A new walk starts after a pause
+    of more than `APART` times `period` [s], or if the sign of the jumps changes."""
     new = (np.diff(time) > APART * period) | (np.diff(sign) != 0)
     return np.concatenate([[0], np.cumsum(new)])
 
@@ -80,10 +94,16 @@ def _edges(x: Array, half: int) -> Array:
 
 
 def _delay(t: Array, x: Array, jumps: Array, sign: NDArray[np.int64], period: float) -> tuple[float, int]:
-    """Return the delay of the slips [s], and +1 if they follow the jumps or -1 if they oppose them.
+    """Return the delay [s] of the slips after the jumps of the drive, and the side: +1 if the position jumps
+    with the drive, -1 if against it.
 
-    The delay maximises the sum of the position's edges over all jumps; a parabola interpolates between
-    samples.
+    The delay, up to a fifth of a period, maximises the sum of the position's edges over all jumps; a parabola
+    interpolates between samples.
+
+    Args:
+        t, x: times [s] and positions, [n].
+        jumps, sign: instants [s] and signs of the drive's jumps, [jumps].
+        period: period of the drive, s.
     """
     interval = float(np.median(np.diff(t)))
     half = max(3, min(int(0.05 * period / interval), 40))
@@ -101,8 +121,17 @@ def _delay(t: Array, x: Array, jumps: Array, sign: NDArray[np.int64], period: fl
 
 
 def _in_position(t: Array, x: Array, where: str) -> tuple[Array, NDArray[np.int64], float]:
-    """Find slips in the position alone; return their instants [s], signs and period [s]. Edges are computed
-    at the width at which they exceed the noise most clearly."""
+    """Find slips in the position alone; return their instants [s], signs (+1 or -1) and period [s].
+
+    Slips are regular edges, computed with the number of samples at which they exceed the noise most clearly.
+
+    Args:
+        t, x: times [s] and positions, [n].
+        where: name of the recording in errors.
+
+    Raises:
+        RecordingError: no slips exceed the noise, or a period has too few samples.
+    """
     best = 0.0, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     half = 2
     while half < x.size // 20:
@@ -119,8 +148,11 @@ def _in_position(t: Array, x: Array, where: str) -> tuple[Array, NDArray[np.int6
 
 
 def _stand_out(x: Array, half: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
-    """Return significance (a sum over edges), indices and signs of the edges in the position x [n]; `half` is
-    their half width in samples. The significance is 0 unless the edges recur regularly."""
+    """Return clearness, sample indices and signs (+1 or -1) of the edges in the position x [n].
+
+    The clearness is the number of edges times their median height over the rms noise between them. It is 0
+    unless at least four edges recur regularly. `half` is the number of samples in each of the two means.
+    """
     edges = _edges(x, half)
     slow = edges - scipy.ndimage.median_filter(edges, 8 * half + 1, mode="nearest")
     size = np.abs(slow)

@@ -12,23 +12,23 @@ from numpy.typing import NDArray
 
 from .slips import SlipEvents
 
-# Starts, lengths and end of the parts of a period after a slip that are searched for a vibration. A fast
-# vibration decays soon; a slow one needs time for its cycles; and the body may slide at first. The first part
-# that shows a vibration is taken.
+# Parts of a period after a slip that are searched for a vibration, in periods: their starts, their lengths,
+# and the latest end. A fast vibration decays soon; a slow one needs time for its cycles; and the body may
+# slide at first. The first part that shows a vibration is taken.
 BEGINS, LENGTHS, END = (0.0, 0.1, 0.2, 0.35), (0.25, 0.5, 1.0), 0.95
 NAMES = ("vibration_amplitude", "vibration_frequency", "vibration_decay", "vibration_start")
-# Fewest cycles in a part: a trend or a slide can look like fewer.
+# Fewest cycles of a vibration in a part: a trend or a slide can look like fewer cycles.
 CYCLES = 3.0
 # Smallest amplitude of a vibration, in standard errors.
 SIGNIFICANT = 4.0
-# Smallest share of the variance that a vibration explains, or largest remaining variance relative to the
-# noise.
+# A vibration must explain the share EXPLAINED of the motion's variance, or leave less than NOISE_LEFT times
+# the variance of the noise.
 EXPLAINED, NOISE_LEFT = 0.9, 1.3
 # Largest decay rate relative to the angular frequency: a faster decay leaves hardly one cycle.
 DAMPED = 0.4
-# Smallest number of decay times in a period; with fewer the vibration lasts until the next slip.
+# Smallest length of a period in decay times; in a shorter period the vibration lasts until the next slip.
 DECAYED = 1.0
-# Largest relative standard errors at which frequency and decay count as known.
+# Largest relative standard errors at which the frequency and the decay rate count as known.
 FREQUENCY_ERROR, DECAY_ERROR = 0.03, 0.15
 
 Array = NDArray[np.float64]
@@ -37,8 +37,9 @@ Array = NDArray[np.float64]
 class VibrationWindow(NamedTuple):
     """Mean motion after the slips in a part of the period, without trend.
 
-    Fields: time [n] from the start of the part [s], the mean over the slips [n], the standard deviation of
-    the noise of the mean's samples, and the basis of the trend [n, 3].
+    Fields: `time` from the start of the part, s, [n]; `mean` motion over the slips, in the unit of the
+    position, [n]; `noise`, the standard deviation of the noise of a sample of this mean; `trend`, orthonormal
+    basis of the parabolic trend, [n, 3].
     """
 
     time: NDArray[np.floating]
@@ -47,28 +48,36 @@ class VibrationWindow(NamedTuple):
     trend: NDArray[np.floating]
 
     def without_trend(self, of: Array) -> Array:
-        """Return values [n, ...] minus their slow trend."""
+        """Return the values `of`, shape (n, ...), minus their parabolic trend."""
         return of - self.trend @ (self.trend.T @ of)
 
     def basis(self, q: Array) -> Array:
-        """Return the decaying cosine and sine of an angular frequency and a decay rate (both in q), without
-        trend, [n, 2]."""
+        """Return a decaying cosine and sine, without trend, [n, 2]; q contains the angular frequency [rad/s]
+        and the decay rate [1/s]."""
         decay = np.exp(-q[1] * self.time)
         phase = q[0] * self.time
         return self.without_trend(np.stack([decay * np.cos(phase), decay * np.sin(phase)], axis=1))
 
     def left(self, q: Array) -> Array:
-        """Return the residual [n] of the best vibration with the angular frequency and decay rate in q."""
+        """Return the mean motion [n] minus the best vibration with the angular frequency [rad/s] and decay
+        rate [1/s] in q; amplitude and phase are fitted."""
         b = self.basis(q)
         return self.mean - b @ np.linalg.lstsq(b, self.mean, rcond=None)[0]
 
 
 def vibration_of(t: Array, x: Array, slips: SlipEvents) -> dict[str, float]:
-    """Return amplitude, frequency [Hz] and decay rate [1/s] of the mean vibration after the slips, and
-    `vibration_start` [s], the time after a slip to which the amplitude belongs.
+    """Return the mean vibration after the slips by the names in `NAMES`.
 
-    All are NaN if no part of the period shows a vibration. The decay is also NaN if its standard error
+    All values are NaN if no part of the period shows a vibration. The decay is also NaN if its standard error
     exceeds 15 %, or if the vibration lasts until the next slip.
+
+    Args:
+        t, x: times [s] and positions [m], [n].
+        slips: slips of the recording.
+
+    Returns:
+        "vibration_amplitude" [m], "vibration_frequency" [Hz], "vibration_decay", the decay rate [1/s], and
+            "vibration_start" [s], the time after a slip to which the amplitude belongs.
     """
     interval = float(np.median(np.diff(t)))
     for begin, length in product(BEGINS, LENGTHS):
@@ -88,8 +97,11 @@ def _window(
     t: Array, x: Array, slips: SlipEvents, begin: float, end: float, interval: float
 ) -> VibrationWindow | None:
     """Return the mean motion between the shares `begin` and `end` of a period after slips, from positions x
-    [n] at times t [s] with this sampling interval [s]. The result is None if the motion of fewer than two
-    slips lasts until `end` without another slip."""
+    [n] at times t [s] with this sampling interval [s].
+
+    The result is None if the part has fewer than 8 samples, or if fewer than two slips are followed by a
+    motion until `end` without another slip.
+    """
     count = int((end - begin) * slips.period / interval)
     if count < 8:
         return None
@@ -108,8 +120,8 @@ def _window(
 
 
 def _starts(window: VibrationWindow, interval: float) -> list[Array]:
-    """Return initial guesses: angular frequencies of the highest peaks of the spectrum, each with several
-    decay rates."""
+    """Return initial guesses, arrays of angular frequency [rad/s] and decay rate [1/s]: the highest peaks of
+    the spectrum, each with several decay rates. `interval` is the sampling interval [s]."""
     padded = 4 * window.time.size
     spectrum = np.abs(np.fft.rfft(window.mean, padded))
     frequency = np.fft.rfftfreq(padded, interval)
@@ -122,13 +134,13 @@ def _starts(window: VibrationWindow, interval: float) -> list[Array]:
 
 def _ring(window: VibrationWindow, interval: float) -> tuple[float, float, float] | None:
     """Return amplitude [m], frequency [Hz] and decay rate [1/s] of the vibration in a part of the period;
-    None if it does not show one. The decay is NaN if it is uncertain. `interval` is the sampling interval
-    [s]."""
+    None if the part shows none. The decay is NaN if its standard error exceeds 15 %. `interval` is the
+    sampling interval [s]."""
     n, span, power = window.time.size, window.time[-1], float(window.mean @ window.mean)
     unexplained = [(float(np.sum(window.left(q) ** 2)), q) for q in _starts(window, interval)]
     starts = [q for _, q in sorted(unexplained, key=lambda one: one[0])]
-    # Check before the fits. A vibration of SIGNIFICANT standard errors lowers the sum of squares by twice
-    # this limit at the optimum, and by more than half of that at an initial guess.
+    # Quick check before the fits: the best initial guess must lower the sum of squares by this limit. A
+    # vibration of SIGNIFICANT standard errors lowers the sum by twice the limit at the optimum.
     if not starts or power - min(one for one, _ in unexplained) < SIGNIFICANT**2 * window.noise**2:
         return None
     scale = math.sqrt(power / n)

@@ -100,9 +100,9 @@ def identify_loops(
     measured force is that of the first sample, or the median while the position is constant. Start recordings
     at rest: the noise of a single first sample persists until the contact slips and widens the intervals. The
     intervals do not include the error of equal deflections, which are wrong just after a reversal. Between
-    samples the motion is smooth (see `sampled`). If the motion passes the Stribeck range too quickly to
-    determine the Stribeck velocity, the other values are fitted again at several fixed Stribeck velocities,
-    and the intervals contain all of these fits that the noise does not reject.
+    samples the motion is smooth (see `sampled`). The motion may pass the Stribeck range too quickly to
+    determine the Stribeck velocity. Then the other values are fitted again at several fixed velocities, and
+    the intervals contain all of these fits that the noise does not reject.
 
     Args:
         recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;

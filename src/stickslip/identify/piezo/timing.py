@@ -94,11 +94,12 @@ def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
 def _until(left: Array, first: int, end: int) -> int:
     """Return the index after the last sample of an edge's window.
 
-    The window lasts `LONGER` times until the error of a model without lag falls to the median error or to the
-    share `OVER` of its maximum after the edge, within the limits `FEWEST`, `MOST` and `AFTER`.
+    The edge is over when the error of a model without lag falls to the median error, or to the share `OVER`
+    of its maximum after the edge. The window is `LONGER` times as long, limited by `FEWEST`, `MOST` and
+    `AFTER`.
 
     Args:
-        left: absolute error of that model at each sample, m.
+        left: absolute error of a model without lag at each sample, m, [n].
         first: index of the first sample after the edge.
         end: index of the next edge, or number of samples.
     """

@@ -13,14 +13,14 @@ from ...quantities.units import QuantityError
 if TYPE_CHECKING:
     import xarray as xr
 
-FEWEST = 100  # samples of a recording at rest
+FEWEST = 100  # fewest samples of a recording at rest that shows the noise of a channel
 # Largest relative difference of sampling intervals at which two recordings have the same sample rate.
 SAME_RATE = 1e-3
 
 
 class AtRest(NamedTuple):
-    """Noise of a channel at rest: standard deviation, `colour` (filtered, drifting), and the sample rate [Hz]
-    at which it was recorded."""
+    """Noise of a channel at rest: `level`, its standard deviation, in the unit of the channel; `colour`, its
+    autocovariance and drift; and `rate`, the sample rate [Hz] of the recording."""
 
     level: float
     colour: Coloured
@@ -44,7 +44,7 @@ def noise_at_rest(recording: xr.Dataset, channel: str) -> AtRest:
     """Return the noise of the named channel from a recording at rest.
 
     Raises:
-        QuantityError: the channel is missing, has too few samples, or shows no noise.
+        QuantityError: the channel is missing, has fewer than 100 samples, is not finite, or is constant.
     """
     if channel not in recording or recording.sizes.get("time", 0) < FEWEST:
         raise QuantityError(f"noise: a recording at rest has at least {FEWEST} samples of {channel}")
@@ -58,8 +58,13 @@ def noise_at_rest(recording: xr.Dataset, channel: str) -> AtRest:
 
 
 def drift_at_rest(recording: xr.Dataset, channel: str, others: Sequence[xr.Dataset]) -> float:
-    """Return the variance that a drift adds from sample to sample, from a recording at rest with the sample
-    rate of `others`.
+    """Return the variance that a drift (random walk) adds from sample to sample, in the squared unit of the
+    channel; 0 if the recording at rest shows no drift.
+
+    Args:
+        recording: recording at rest.
+        channel: name of the channel.
+        others: recordings to which the drift is applied; they must have the sample rate of `recording`.
 
     Raises:
         QuantityError: see `noise_at_rest`; or the sample rates differ.

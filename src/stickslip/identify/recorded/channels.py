@@ -14,20 +14,21 @@ from ...recording.schema import refuse_unit
 from ...waveform.signal import Waveform
 from .levels import converter_step
 
-FEWEST_SAMPLES = 10  # samples of a channel, below which it is refused
-# Number of equal extreme samples in a row that cannot be chance.
+FEWEST_SAMPLES = 10  # fewest samples of a channel; a shorter one is refused
+# Fewest equal samples in a row at the largest or smallest value that show clipping; fewer can be chance.
 FEWEST_CLIPPED = 5
-# A channel that stays at its greatest level is clipped if it passed this number of levels in an equal time
-# before. A smooth reversal passes up to nine, up to twelve with noise, that of a sawtooth one or two.
+# A channel that stays at its greatest or least level is clipped if it passed this number of converter levels
+# in an equal time before. A smooth reversal passes up to nine, up to twelve with noise, that of a sawtooth
+# one or two.
 FEWEST_LEVELS = 12.5
 # A channel that settles at its end value slows down; a channel that is cut off does not. Take the time for
 # the last 1.5 levels. BEFORE times as long ago, a settling channel was more than 2 BEFORE levels away from
 # the end value; a channel at constant speed was 1.5 BEFORE levels away.
 BEFORE = 4
-# Motion of a drive that a channel may hide at a reversal, in converter steps of the channel. A piezo is about
-# half as steep just after a reversal.
+# Largest change of the drive during which an unclipped channel may stay on one level at a reversal, as the
+# motion of the channel in converter steps. A piezo is about half as steep just after a reversal.
 HIDDEN = 3.0
-# Smallest change within one sample that is an edge, relative to the drive's range.
+# Smallest change of a drive from one sample to the next that is an edge, relative to its range.
 EDGE = 0.05
 
 
@@ -35,8 +36,8 @@ def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Data
     """Return one or several recordings as a list.
 
     Raises:
-        RecordingError: the list is empty, an item is not a recording, or the scale of a channel has an
-            uncertainty that is not a number from 0 to 1.
+        RecordingError: the list is empty, an item is not a recording or is given twice, or the scale of a
+            channel has an uncertainty that is not a number from 0 to 1.
     """
     if hasattr(recordings, "columns"):  # the columns of a pandas table would be taken as a list of names
         raise RecordingError(f"a {type(recordings).__name__} is no recording: make_recording makes one")
@@ -61,8 +62,8 @@ def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Data
 
 
 def _refuse_twice(recordings: Sequence[xr.Dataset]) -> None:
-    """Raise RecordingError for a recording that is given twice; only recordings with equal ends are
-    compared."""
+    """Raise RecordingError for a recording that is given twice. To save time, only recordings with equal last
+    samples are compared in full."""
     ends: dict[Any, list[int]] = {}
     for i, one in enumerate(recordings):
         end = frozenset((name, np.ravel(v.values)[-1:].tobytes()) for name, v in one.variables.items())
@@ -74,7 +75,7 @@ def _refuse_twice(recordings: Sequence[xr.Dataset]) -> None:
 
 
 def names_of(recordings: Sequence[xr.Dataset]) -> list[str]:
-    """Return the name of each recording: its title if unique, else its number."""
+    """Return the name of each recording: its title, if all titles are different; else "recording 1", ...."""
     titles = [str(r.attrs.get("title", "")) for r in recordings]
     if all(titles) and len(set(titles)) == len(titles):
         return titles
@@ -88,10 +89,11 @@ def channel(recording: xr.Dataset, name: str, where: str, varies: bool = False) 
         recording: over "time".
         name: name of the channel.
         where: name of the recording in errors.
-        varies: refuse a constant channel.
+        varies: True: refuse a constant channel.
 
     Raises:
-        RecordingError: the channel is missing, empty, too short, not finite, or constant.
+        RecordingError: the channel is missing, has a unit that it cannot have, has fewer than
+            `FEWEST_SAMPLES` samples, is not finite, or is constant.
     """
     meaning = STANDARD_NAMES.get(name)
     unit = f" [{meaning.unit}]" if meaning else ""
@@ -123,8 +125,11 @@ def channel(recording: xr.Dataset, name: str, where: str, varies: bool = False) 
 
 
 def same_number(items: Sequence[Any] | None, recordings: Sequence[xr.Dataset], what: str) -> list[Any]:
-    """Return the items as a list, one for each recording (None for each if no items are given); raise
-    RecordingError for another number; `what` names the items."""
+    """Return the items as a list, one for each recording; None for each if no items are given.
+
+    Raises:
+        RecordingError: there is another number of items than recordings; `what` names the items in the error.
+    """
     if items is None:
         return [None] * len(recordings)
     if len(items) != len(recordings):
@@ -135,14 +140,19 @@ def same_number(items: Sequence[Any] | None, recordings: Sequence[xr.Dataset], w
 def drives_of(
     drive: Waveform | Sequence[Waveform | None] | None, recordings: Sequence[xr.Dataset]
 ) -> list[Waveform | None]:
-    """Return the waveform of each recording; a single one is for all."""
-    # A waveform is also a tuple, so it is recognised by its method.
+    """Return the waveform of each recording, None if not given; a single waveform is for all.
+
+    Raises:
+        RecordingError: there is another number of waveforms than recordings.
+    """
+    # A single waveform may be a (named) tuple, like a sequence of waveforms; only it has the method `drive`.
     given: Any = [drive] * len(recordings) if hasattr(drive, "drive") else drive
     return same_number(given, recordings, "drives")
 
 
 def unit_of(recordings: Sequence[xr.Dataset], name: str) -> str:
-    """Return the unit of a channel in all recordings: that in its attributes, else the usual one.
+    """Return the unit of a channel, the same in all recordings: from its attribute "units", else the usual
+    unit of this name ("" for an unknown name).
 
     Raises:
         RecordingError: recordings have different units.
@@ -189,7 +199,8 @@ def refuse_clipped(
     for end, what in ((values.max(), "greatest"), (values.min(), "least")):
         at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
         for first, last in zip(at[::2], at[1::2], strict=True):
-            # The last change before the end value is cut off itself, so the larger of the last two counts.
+            # Clipping shortens the last change before the end value, so the larger of the last two changes
+            # shows the speed.
             before = change[max(first - 2, 0) : first].max(initial=0.0)
             if drive is not None and np.ptp(drive[first:last]) <= hidden:
                 continue
@@ -210,15 +221,16 @@ def refuse_clipped(
 
 
 def _settles(away: NDArray[np.float64]) -> bool:
-    """Return True if a channel slows down before it stays at an end value. `away` are its distances from that
-    value in all samples before, in converter levels, [n]."""
+    """Return True if a channel slows down before it stays at an end value (see `BEFORE`). `away` are the
+    distances of all samples before from this value, in converter steps, [n]."""
     further = np.flatnonzero(away > 1.5)
     last = away.size - 1 - int(further[-1]) if further.size else away.size
     return last > 1 and bool(away[max(away.size - BEFORE * last, 0)] > 2.0 * BEFORE)
 
 
 def _noisy(values: NDArray[np.float64]) -> bool:
-    """Return True if a channel has noise above its converter steps, except at its ends.
+    """Return True if a channel [n] has noise above its converter steps, except at its largest and smallest
+    value.
 
     Fourth differences of noise alternate in sign; those of a smooth signal do not.
     """

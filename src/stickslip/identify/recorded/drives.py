@@ -21,28 +21,34 @@ from .channels import channel, drives_of
 if TYPE_CHECKING:
     import xarray as xr
 
-# Largest mean difference between the channel and its waveform, relative to the drive's range.
+# Largest mean difference between the channel drive_voltage and its waveform over the recording, relative to
+# the range of the waveform.
 ALIKE = 0.1
-# Largest mean difference between the channel and its waveform over the worst period, relative to the drive's
-# range. The channel may be late, slewed and noisy.
+# Largest mean difference between the channel drive_voltage and its waveform over the worst period, relative
+# to the range of the drive. The channel may be late, slewed and noisy.
 STRETCH = 0.25
-# Fewest samples in a period of a walk. A walk is recognised by lines through a third and means over a tenth
-# of a period (see `sawtooth`): three samples and one.
+# Fewest samples in a period of a walk. Slips are found by lines through a third of a period and means over a
+# tenth (see `sawtooth`): ten samples leave three for a line and one for a mean.
 FEWEST_PER_PERIOD = 10
 
 
 def taken_drives(
     recordings: Several[xr.Dataset], drive: Any = None, slew_rate: float | None = None
 ) -> tuple[list[xr.Dataset], list[Waveform | None]]:
-    """Return recordings and the waveform of each, in the time of the waveform.
+    """Return the recordings, and the waveform of each in the recording's time.
 
-    By default the recording's own waveform is used (see `taken_drive`), in time since the first sample;
-    None means the samples of drive_voltage.
+    Without a given waveform, the recording's own is used, if it explains drive_voltage (see `taken_drive`);
+    the time of the returned recording then starts at 0 with the first sample. Else the waveform is None: the
+    samples of drive_voltage are the drive.
 
     Args:
         recordings: recordings of walks.
-        drive: waveform of each, or one for all, if known.
-        slew_rate: V/s at which the amplifier follows the jumps.
+        drive: waveform of each recording, or one for all, in the recording's time; None: not given.
+        slew_rate: rate at which the amplifier follows jumps of the recording's own waveform, V/s; None: at
+            once.
+
+    Raises:
+        RecordingError: there is another number of waveforms than recordings.
     """
     found, drives = list(recordings), drives_of(drive, recordings)
     for i, (recording, given) in enumerate(zip(found, drives, strict=True)):
@@ -56,8 +62,9 @@ def taken_drives(
 class SeenDrive(NamedTuple):
     """A recording with its drive, for a prediction.
 
-    Fields: `recording`, in the time of the waveforms; `whole`, the drive; `repeats`, the part with recorded
-    periods; and a sentence on the chosen drive, if none was given.
+    Fields: `recording`, in the time of the waveforms; `whole`, the waveform of the drive, None if the samples
+    of drive_voltage are the drive; `repeats`, the waveform that gives the period, or None; and `said`, a
+    sentence on the chosen drive, "" if a drive was given.
     """
 
     recording: xr.Dataset
@@ -67,8 +74,8 @@ class SeenDrive(NamedTuple):
 
     @classmethod
     def of(cls, recording: xr.Dataset, waveform: Any, *, own: bool) -> SeenDrive:
-        """Return the recording with the given waveform or, without one and if `own`, with the recording's
-        own."""
+        """Return the recording with the given waveform or, if that is None and `own` is True, with the
+        recording's own waveform (see `taken_drive`)."""
         if waveform is not None:
             return cls(recording, waveform if hasattr(waveform, "drive") else None, waveform, "")
         taken = taken_drive(recording) if own else None
@@ -82,8 +89,8 @@ def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
     """Return the time [s] at which a drive starts in a recording, from its channel drive_voltage; `where`
     names the recording in errors.
 
-    The start minimises the difference between both: the sum of squares for whole samples, then the mean
-    difference for fractions of a sample.
+    The start minimises the difference between the channel and the waveform: first the sum of squares over
+    whole samples, then the mean difference for fractions of a sample.
 
     Raises:
         RecordingError: the channel is missing, too short or constant, or it shows another drive.
@@ -94,13 +101,13 @@ def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
     low, high = drive.range()
     silence = float(
         np.mean(np.abs(u - table.before))
-    )  # difference if the drive started after the recording's end
+    )  # mean difference if the drive started after the recording's end
     if differ > min(ALIKE * (high - low), 0.5 * silence):
         raise RecordingError(
             f"drive_voltage [V] of {where} is not the drive that the file names: they differ by "
             f"{differ:.3g} V on average, for any start"
         )
-    asked = since <= begin + drive.duration  # the waveform says nothing of later samples
+    asked = since <= begin + drive.duration  # later samples are not compared: the waveform has ended
     _refuse_stretch(
         since[asked], u[asked], evaluate(table, since[asked] - begin)[0], drive, float(t[0]), where
     )
@@ -119,10 +126,10 @@ def _refuse_stretch(
     missing period.
 
     Args:
-        since: times since the start of the drive, s.
-        u, wanted: voltages of the channel and of the waveform at these times, V.
+        since: times since the first sample, s, [n].
+        u, wanted: voltages of the channel and of the waveform at these times, V, [n].
         drive: the waveform.
-        start: start of the drive, s.
+        start: time of the first sample, s, for the error.
         where: name of the recording, for the error.
     """
     volts, when = greatest_difference(since, u, wanted, drive)
@@ -136,7 +143,8 @@ def _refuse_stretch(
 
 
 def warn_of_other_drive(recording: xr.Dataset, drive: Waveform | None, where: str) -> None:
-    """Warn if a recording has a channel drive_voltage that differs from the given drive."""
+    """Warn (RecordingWarning) if a recording has a channel drive_voltage that differs from the given drive
+    for a whole period; `where` names the recording."""
     if drive is None or "drive_voltage" not in recording:
         return
     time, u = recording["time"].values, recording["drive_voltage"].values
@@ -154,13 +162,19 @@ def warn_of_other_drive(recording: xr.Dataset, drive: Waveform | None, where: st
 def greatest_difference(
     time: NDArray[np.float64], u: NDArray[np.float64], wanted: NDArray[np.float64], drive: Waveform
 ) -> tuple[float, float]:
-    """Return the largest mean difference [V] between a channel u [n] and the values `wanted` [n] of its drive
-    over a period, at times [n], s, and the centre of that period [s].
+    """Return the largest mean absolute difference [V] between a channel and its drive over one period, and
+    the time [s] of the centre of this period.
 
     For a drive without periods, the mean is over a tenth of the recording.
+
+    Args:
+        time: times of the samples, s, [n].
+        u: voltages of the channel, V, [n].
+        wanted: voltages of the drive, V, [n].
+        drive: the drive, for its period.
     """
     _, periodic = periodic_part(drive)
-    whole = float(time[-1] - time[0]) or 1.0  # 1 s for a single sample
+    whole = float(time[-1] - time[0]) or 1.0  # a single sample has no duration; any value does
     lasting = 0.1 * whole if periodic is None else float(periodic.period)
     count = int(np.clip(round(lasting / whole * (time.size - 1)), min(10, time.size), time.size))
     so_far = np.append(0.0, np.cumsum(np.abs(u - wanted)))
@@ -188,8 +202,8 @@ def refuse_sampling(time: NDArray[np.float64], drive: Waveform | None, where: st
     """Raise `RecordingError` if a recording is too short or too coarsely sampled for a drive that repeats.
 
     Args:
-        time: of the recording, s.
-        drive: in that time. None, or a drive without a period, is not checked.
+        time: times of the samples, s, [n].
+        drive: waveform in the time of the recording. None, or a drive without a period, is not checked.
         where: name of the recording in messages.
     """
     begin, periodic = (0.0, None) if drive is None else periodic_part(drive)
@@ -205,8 +219,12 @@ def refuse_sampling(time: NDArray[np.float64], drive: Waveform | None, where: st
 
 
 def refuse_coarse(time: NDArray[np.float64], period: float, where: str) -> float:
-    """Return the sampling interval [s]; raise `RecordingError` if a period [s] of the drive has too few
-    samples."""
+    """Return the sampling interval [s] of samples at times [n], s.
+
+    Raises:
+        RecordingError: a `period` [s] of the drive has fewer than `FEWEST_PER_PERIOD` samples; `where` names
+            the recording.
+    """
     interval = float(np.median(np.diff(time)))
     if period < FEWEST_PER_PERIOD * interval * (1.0 - 1e-6):
         raise RecordingError(

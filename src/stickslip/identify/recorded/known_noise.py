@@ -20,29 +20,31 @@ from .levels import converter_step
 if TYPE_CHECKING:
     import xarray as xr
 
-# Share of the samples after the drive's end in which the stage may still vibrate; they do not count as rest.
+# Share of the samples after the drive's end in which the stage may still vibrate. These first samples do not
+# count as rest.
 RINGS = 0.25
-# Smallest change of a drive_voltage from its first sample that starts the motion, relative to its range.
+# Smallest change of a drive from its first value that counts as the start of the motion, relative to its
+# range.
 BEGUN = 0.02
 # Tolerance, m (rad), of simulations in fits and verifications; smaller residuals are not a lack of fit.
 SIMULATED = 1e-10
 LEAST_STEP = math.sqrt(12.0) * SIMULATED  # converter step with a rounding error as large as this tolerance
-# Largest residual that is only noise, relative to the white noise of the samples; and largest negligible
-# residual, relative to their range.
+# Largest rms residual that is only noise, relative to the white noise of the samples (NOISY); and largest rms
+# residual that is negligible, relative to the range of the samples (NOTHING).
 NOISY, NOTHING = 1.3, 1e-4
 
 Array = NDArray[np.float64]
 
 
 def resolution(positions: Array) -> float:
-    """Return the resolution of positions [n], in their unit: the step of a converter, or the tolerance of
-    simulations."""
+    """Return the resolution of positions [n], in their unit: the step of a converter, or `LEAST_STEP` if that
+    is larger."""
     return max(converter_step(positions), LEAST_STEP)
 
 
 def white_noise(values: Array) -> float:
-    """Return the standard deviation of the white noise of values [n], in their unit, including converter
-    steps."""
+    """Return the standard deviation of the white noise of values [n], in their unit, at least that of the
+    rounding to converter steps."""
     return max(noise_level(values), converter_step(values) / math.sqrt(12.0))
 
 
@@ -52,7 +54,8 @@ def more_than_white(left: float, white: float, values: Array, words: tuple[str, 
     Args:
         left, white: root mean squares of the residual and of the white noise, in the unit of the values.
         values: measured values.
-        words: for the sentence: name of the recording, unit and name of the values, and what the model lacks.
+        words: parts of the sentence: name of the recording, unit and name (plural) of the values, and a
+            clause on what the model lacks.
     """
     if left <= max(NOISY * white, NOTHING * float(np.ptp(values))):
         return ""
@@ -67,8 +70,15 @@ def more_than_white(left: float, white: float, values: Array, words: tuple[str, 
 def said_unjudged(
     lacks: Sequence[Lack], residuals: Sequence[Array], measured: Sequence[Array], unit: str
 ) -> tuple[str, ...]:
-    """Return sentences on recordings that show their noise neither at rest nor between periods, and whose
-    residuals exceed the white noise of their positions [n]."""
+    """Return a sentence on each recording whose noise is not known independently (neither at rest nor between
+    periods) and whose residual exceeds the white noise of its positions.
+
+    Args:
+        lacks: lack-of-fit test of each recording.
+        residuals: residuals of each recording, in `unit`, [n].
+        measured: measured positions of each recording, in `unit`, [n].
+        unit: unit of the positions.
+    """
     words = (unit, "positions", "the model does not explain it")
     said = [
         more_than_white(float(np.sqrt(np.mean(r**2))), white_noise(x), x, (one.name, *words))
@@ -79,8 +89,17 @@ def said_unjudged(
 
 
 def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) -> KnownNoise:
-    """Return the noise of a channel's values [n] under a drive; without a drive (None), under the channel
-    drive_voltage."""
+    """Return where a channel shows its noise independently of a model, and its resolution.
+
+    The parts are the rest before the drive moves, the rest after the drive has ended, and the repeated
+    periods of a known waveform.
+
+    Args:
+        recording: over "time" [s].
+        values: values of the channel, [n].
+        drive: waveform of the drive in the time of the recording; None: the channel drive_voltage, if there
+            is one, shows the rests.
+    """
     time, step = recording["time"].values, resolution(values)
     interval = float(time[-1] - time[0]) / (time.size - 1)
     if drive is None:
@@ -106,8 +125,8 @@ def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) ->
 
 
 def _settled(samples: int) -> int:
-    """Return the number of samples in which the vibration has decayed, of this number of samples after the
-    drive's end."""
+    """Return how many of the samples after the drive's end, the last ones, count as rest: all except the
+    first quarter, in which the stage may still vibrate."""
     return samples - int(RINGS * samples)
 
 

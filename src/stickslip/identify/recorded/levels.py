@@ -15,7 +15,7 @@ MOST_LEVELS, WHOLE = 0.25, 0.05
 
 
 def converter_step(values: Array) -> float:
-    """Return the step between the levels of values [n], in their unit; 0 without levels."""
+    """Return the step between converter levels in values [n], in their unit; 0 if they show no levels."""
     levels = np.unique(values)
     if levels.size < 2:
         return 0.0

@@ -1,8 +1,8 @@
 """Drive between its samples, from a recorded voltage: smooth except for jumps and kinks.
 
-A fit depends on it. For a simulated walk at 1 kHz with a bristle stiffness of 1.40e6 N/m, the fit found
-0.62e6 N/m if the jumps of a 5 Hz sawtooth were spread over one interval, and 0.84e6 N/m if a 20 Hz triangle
-lost its corners.
+Fitted friction depends on the drive between its samples. For a simulated walk, sampled at 1 kHz, with a
+bristle stiffness of 1.40e6 N/m, the fit found 0.62e6 N/m if the jumps of a 5 Hz sawtooth were spread over one
+interval, and 0.84e6 N/m if a 20 Hz triangle lost its corners.
 """
 
 from __future__ import annotations
@@ -28,18 +28,20 @@ from .drives import taken_drives
 if TYPE_CHECKING:
     import xarray as xr
 
-# A change from one sample to the next is a jump, and a change of slope a kink, if it exceeds ABOVE times the
-# usual change on either side (the median over half of AROUND samples) and a share of the range.
+# A change of the voltage from one sample to the next is a jump, and a change of its slope a kink, if it
+# exceeds ABOVE times the usual change on either side (the median over half of AROUND samples) and the share
+# LEAST_JUMP or LEAST_KINK of the drive's range.
 ABOVE, AROUND = 8.0, 21
 LEAST_JUMP, LEAST_KINK = 1e-2, 1e-4
-# Largest change beside a jump, in usual changes. A larger one belongs to a flank over several intervals.
+# Largest change in the intervals beside a jump, in usual changes. A larger change belongs to a flank over
+# several intervals.
 ALONE = 3.0
-# Samples on either side of a jump that show how the drive approaches it.
+# Largest number of samples on either side of a jump through which a line is fitted.
 BESIDE = 5
-# Standard deviations by which noise may displace the smallest of many samples.
+# Standard deviations by which noise may move the largest and smallest sample outside the range of the drive.
 SURELY = 5.0
-# In sampling intervals: how far noise may move a point out of its interval, and the largest distance that
-# counts as zero.
+# Distances in time, in sampling intervals. MARGIN: how far noise may move a computed jump or kink out of its
+# interval. TOUCHING: two instants that are closer count as one.
 MARGIN, TOUCHING = 0.05, 1e-6
 # A part of at least FEWEST_STRAIGHT samples may be a straight line with converter steps if no sample deviates
 # from the line by more than the share STRAIGHT of the drive's range.
@@ -56,9 +58,9 @@ Array = NDArray[np.float64]
 class RecordedDrive:
     """A waveform in cubic pieces: piece i is u = sum_k polynomial[i, k] (t - start[i])^k, in V.
 
-    Fields: `start` [n], s, ascending from 0; `polynomial` [n, 4]; `duration`, s; the `least` and `greatest`
-    voltage that it reaches beyond doubt (single extreme samples may be noise). Before and after the
-    recording, the first and last values hold.
+    Fields: `start` of each piece, s, ascending from 0, [n]; `polynomial` [n, 4]; `duration`, s; `least` and
+    `greatest`, the voltages that the drive reaches beyond doubt, V (single extreme samples may be noise).
+    Before and after the recording, the first and last values hold.
     """
 
     start: Array
@@ -75,8 +77,8 @@ class RecordedDrive:
         """Period: None, because a recording does not repeat."""
 
     def range(self) -> tuple[float, float]:
-        """Return the range of the samples, V. Limits are checked against measured values, not interpolated
-        ones."""
+        """Return `least` and `greatest`, V, from the samples: limits are checked against measured values, not
+        interpolated ones."""
         return self.least, self.greatest
 
     def drive(self, duration: float) -> Drive:
@@ -103,7 +105,7 @@ class StraightLine(NamedTuple):
     scatter: float
 
     def at(self, t: float) -> float:
-        """Return u at time t [s]."""
+        """Return the voltage of the line at time t [s], V."""
         return self.level + self.slope * (t - self.time)
 
 
@@ -126,7 +128,7 @@ def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = 
         RecordingError: the channel is missing, too short or not finite.
 
     Warns:
-        RecordingWarning: it changes faster than its samples show; the message says what was assumed.
+        RecordingWarning: the drive changes faster than its samples show; the message says what was assumed.
     """
     u = channel(recording, "drive_voltage", where)
     t = recording["time"].values - float(recording["time"][0])
@@ -166,8 +168,15 @@ def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = 
 def drive_over(
     recording: xr.Dataset, drive: Waveform | None, where: str, slew_rate: float | None = None
 ) -> tuple[Waveform, Array]:
-    """Return the drive of a recording, and the times of the samples in the drive's own time. Without a given
-    drive, it comes from the recording (see `taken_drives`)."""
+    """Return the drive of a recording as a waveform, and the times of the samples in the waveform's time, s.
+
+    Args:
+        recording: over "time" [s].
+        drive: waveform in the time of the recording; None: the recording's own (see `taken_drives`), or else
+            its drive_voltage (see `recorded_drive`).
+        where: name of the recording in messages.
+        slew_rate: rate at which the amplifier follows jumps of the recording's own drive, V/s; None: at once.
+    """
     (recording,), (drive,) = taken_drives([recording], drive, slew_rate)
     time = recording["time"].values
     if drive is not None:
@@ -176,8 +185,8 @@ def drive_over(
 
 
 def _usual(changes: Array) -> Array:
-    """Return the usual size of changes at each sample: the larger of the medians to the left and to the
-    right."""
+    """Return the usual size of changes [n] at each place, [n]: the larger of their medians over the
+    neighbours to the left and to the right."""
     sides = (AROUND // 2, -(AROUND // 2))
     return np.max(
         [scipy.ndimage.median_filter(changes, AROUND, mode="nearest", origin=side) for side in sides], axis=0
@@ -198,11 +207,12 @@ def _jumps(u: Array) -> list[int]:
 
 
 def _rounding(u: Array) -> float:
-    """Return the converter step, V, if all samples are whole steps apart; otherwise 0."""
+    """Return the converter step of voltages u [n], V, if all changes of slope are whole steps; otherwise
+    0."""
     change = np.abs(np.diff(u, 2))
     some = change[change > 1e-9 * np.ptp(u)]
     step = float(some.min()) if some.size else 0.0
-    # few changes of slope are the kinks of a drawn waveform, not converter steps
+    # If the slope changes at few samples only, these are the kinks of a drawn waveform, not converter steps.
     if step < 1e-5 * np.ptp(u) or some.size < 0.05 * change.size:
         return 0.0
     steps = some / step
@@ -210,8 +220,8 @@ def _rounding(u: Array) -> float:
 
 
 def _bends(u: Array, first: int, last: int, rounding: float) -> list[list[int]]:
-    """Return groups of neighbouring samples, as indices between `first` and `last`, at which the slope of the
-    voltage u [n] changes more than usual. `rounding` is the converter step [V], or 0."""
+    """Return groups of neighbouring samples at which the slope of the voltage u [n] changes more than usual:
+    lists of indices between `first` and `last`. `rounding` is the converter step [V], or 0."""
     if last - first < 2:
         return []
     change = np.abs(np.diff(u[first : last + 1], 2))
@@ -223,8 +233,13 @@ def _bends(u: Array, first: int, last: int, rounding: float) -> list[list[int]]:
 
 
 def _kinks(t: Array, u: Array, group: list[int]) -> list[Knot]:
-    """Return the kinks of a group of samples (times t [s], voltages u [V]): one at a sample, one between two
-    samples, or two around four samples (a short flank); an empty list for other groups."""
+    """Return the kinks in a group of samples: one at a single sample, one between two samples, or two within
+    four samples (a short flank); an empty list for other groups.
+
+    Args:
+        t, u: times [s] and voltages [V] of the whole drive, [n].
+        group: indices of neighbouring samples at which the slope changes.
+    """
     if len(group) == 1:
         return [Knot(t[group[0]], u[group[0]], u[group[0]])]
     if len(group) not in (2, 4) or group[0] < 1 or group[-1] + 1 >= u.size:
@@ -253,7 +268,8 @@ def _line(t: Array, u: Array, first: int, last: int) -> StraightLine:
 
 def _straight(t: Array, u: Array, most: float) -> StraightLine | None:
     """Return the straight line through samples (times t [s], voltages u [V]) that deviate from it only by
-    converter steps, and by less than `most` [V]; None if they deviate more.
+    converter steps, and by less than `most` [V]; None if they deviate more or are fewer than
+    `FEWEST_STRAIGHT`.
 
     Rounded values deviate from a line by about their changes of slope from sample to sample; curved ones by
     far more.
@@ -268,9 +284,15 @@ def _straight(t: Array, u: Array, most: float) -> StraightLine | None:
 def _instants(
     t: Array, jumps: list[int], lines: list[tuple[StraightLine, StraightLine]], rest: float
 ) -> list[float | None]:
-    """Return the instants of the jumps [s] where the lines beside them meet a known level: first the level at
-    rest, then the level on the other side of the jumps already found. The instant is None if neither line
-    meets one."""
+    """Return the instant [s] of each jump, at which a line beside the jump meets a known level: first the
+    level at rest, then the level on the other side of the jumps already found. None: neither line meets one.
+
+    Args:
+        t: times of the samples, s, [n].
+        jumps: indices of the intervals with a jump.
+        lines: for each jump, the lines through the samples before and after it.
+        rest: voltage at rest, V.
+    """
     found: list[float | None] = [None] * len(jumps)
     level: float | None = rest
     for _ in range(2):
@@ -287,7 +309,8 @@ def _instants(
 
 
 def _met(t: Array, i: int, line: StraightLine, level: float) -> float | None:
-    """Return the time [s] in interval i at which a line reaches a level [V] beyond doubt; otherwise None."""
+    """Return the time [s] in the interval after sample i at which a line reaches a level [V]; None if the
+    line reaches the level outside the interval, or is too flat to show the time."""
     interval = t[i + 1] - t[i]
     if abs(line.slope) * interval <= 10.0 * line.scatter + 1e-9 * abs(line.level):
         return None
@@ -298,7 +321,7 @@ def _met(t: Array, i: int, line: StraightLine, level: float) -> float | None:
 
 def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> RecordedDrive:
     """Return the drive as cubic splines through the samples (times t [s], voltages u [V]) from each knot to
-    the next."""
+    the next; jumps become ramps of `slew_rate` [V/s], or are instantaneous if that is None."""
     ends = [Knot(t[0], u[0], u[0]), *knots, Knot(t[-1], u[-1], u[-1])]
     touching = TOUCHING * float(np.median(np.diff(t)))
     straight = STRAIGHT * float(np.ptp(u))

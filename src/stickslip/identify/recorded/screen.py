@@ -23,46 +23,53 @@ from .levels import converter_step
 if TYPE_CHECKING:
     import xarray as xr
 
-# Probability that white noise passes for a signal, for one recording.
+# Probability that white noise in one recording is taken for a signal.
 FALSE_ALARM = 1e-3
-FEWEST = 64  # samples, below which noise is not tested
-# Fewest blocks of samples whose scatter distinguishes noise from a signal.
+FEWEST = 64  # fewest samples of a channel that is tested for pure noise
+# Fewest blocks of samples over which means are taken in the test for pure noise; the scatter of fewer means
+# does not distinguish noise from a signal.
 FEWEST_BLOCKS = 8
 # Largest and smallest possible gain of a piezo stage, m/V (rad/V). The largest is ten times that of amplified
 # stages; the smallest a third of the value of the weakest piezo ceramics (d31 of hard PZT, one layer). Wrong
 # units differ by a factor of 1000.
 LARGEST_GAIN, SMALLEST_GAIN = 1e-4, 3e-11
-# m/V: a larger gain means that the columns of voltage and position are swapped.
+# Largest ratio of the ranges of position and drive, m/V. A larger ratio means that the columns are swapped.
 SWAPPED_GAIN = 1.0
-# Ratio of two sizes above which a unit is wrong: the square root of 1000.
+# Ratio of two sizes above which a unit is taken to be wrong: about the square root of 1000, the usual error.
 FACTOR = 30.0
-UNSURE = 5.0  # factor by which a gain may be wrong before it is identified
-# Share of the gain by which the position must move against the drive to count as inverted.
+UNSURE = 5.0  # factor by which the gain of the stage may be wrong before it is identified
+# Smallest slope of the position against the drive, as a share of the gain, at which the sensor is inverted.
 AGAINST = 0.2
 # Correlation of the position with the inverted drive above which the sensor is inverted. It is computed for a
 # step with fixed end-effector, or where the drive of a walk is slow. A sliding contact may lag by a quarter
 # period.
 INVERTED = 0.5
-# Number of standard errors above which a slope is not noise.
+# Number of standard errors above which a slope of the position, or the work of a loop, is not noise.
 SURE = 5.0
 CORRELATED = 3.5  # number of standard errors above which a correlation with the drive is not noise
-# A change of the drive between samples above 3 medians belongs to an edge, where the contact slips.
+# Largest change of the drive between samples in a slow part, in medians of all changes. A larger change
+# belongs to an edge, at which the contact slips.
 SLOW = 3.0
-# Smallest ratio of the natural frequency to the rate of a slow part of the drive; the stage does not follow
-# faster parts.
+# Smallest ratio of the natural frequency to the angular frequency of a slow part of the drive; the stage does
+# not follow faster parts.
 SLOWER = 10.0
-# Share of a slow part that is used, at its end; before, the contact may still settle after a slip.
+# Share of the samples of a slow part that is used, at its end; before, the contact may still settle after a
+# slip.
 SETTLED = 0.75
 FEWEST_IN_PART = 8  # fewest samples of a slow part
-# Share of force times displacement by which the work of a loop must be negative to have the wrong sign.
+# Smallest negative work of loops at which the sign is wrong, as a share of half the range of the force times
+# the path.
 LOST = 0.05
 
 Array = NDArray[np.float64]
 
 
 class PositionUnderDrive(NamedTuple):
-    """Position under a drive. Fields: name of the recording and of the position channel; `unit` of the
-    position; time [n], s; position [n]; drive [n], V."""
+    """Position under a drive, for the checks.
+
+    Fields: `name` of the recording; name of the position `channel`; `unit` of the position; `time` [n], s;
+    `position` [n]; `drive` [n], V.
+    """
 
     name: str
     channel: str
@@ -86,7 +93,11 @@ def driven(recording: xr.Dataset, drive: Waveform | None, where: str) -> Array:
 
 
 def refuse_noise(values: Array, name: str, where: str, drive: Array | None = None) -> None:
-    """Raise RecordingError if a channel [n] is only white noise and does not follow its drive [n]."""
+    """Raise RecordingError if a channel is only white noise and does not follow its drive.
+
+    A channel of fewer than `FEWEST` samples passes. `values` and `drive` have the shape (n,); `name` and
+    `where` name channel and recording in the error.
+    """
     if values.size < FEWEST or _stands_out(values) or (drive is not None and _correlated(values, drive)):
         return
     meaning = STANDARD_NAMES.get(name)
@@ -129,7 +140,8 @@ def _correlated(values: Array, drive: Array) -> bool:
 
 
 def refuse_swapped(one: PositionUnderDrive) -> None:
-    """Raise RecordingError if positions and volts are swapped, that is if the gain exceeds 1 m/V."""
+    """Raise RecordingError if positions and volts are swapped, that is if the range of the position over that
+    of the drive exceeds 1 m/V (rad/V)."""
     moved, driven = float(np.ptp(one.position)), float(np.ptp(one.drive))
     if moved > SWAPPED_GAIN * driven > 0.0:
         raise RecordingError(
@@ -140,8 +152,8 @@ def refuse_swapped(one: PositionUnderDrive) -> None:
 
 
 def said_gain(gain: float, unit: str, known: float | None = None) -> tuple[str, ...]:
-    """Return a sentence if a gain [unit/V] is impossible for a stage or far from the `known` one; otherwise
-    an empty tuple."""
+    """Return a tuple with one sentence if a gain [unit/V] is negative, impossible for a piezo stage, or
+    different from the `known` gain by more than a factor `FACTOR`; otherwise an empty tuple."""
     shown = with_prefix(gain, f"{unit}/V")
     if gain < 0.0:
         return ("the position falls where the voltage rises: mirror the channel, or the drive",)
@@ -158,13 +170,16 @@ def said_gain(gain: float, unit: str, known: float | None = None) -> tuple[str, 
 def refuse_walk(one: PositionUnderDrive, model: Any) -> None:
     """Raise RecordingError if a walk and its model (an actuator) cannot belong together.
 
+    A model with an external force or an incline is only checked for the first two errors below, because a
+    load can move the end-effector any distance.
+
     Raises:
         RecordingError: the position is noise, swapped with the drive, farther than the stage can carry it,
             far smaller than the stage's motion, or against the drive.
     """
     refuse_noise(one.position, one.channel, one.name, one.drive)
     refuse_swapped(one)
-    if model.external_force != 0.0 or model.incline != 0.0:  # a load can move the end-effector any distance
+    if model.external_force != 0.0 or model.incline != 0.0:
         return
     _refuse_beyond_reach(one, model)
     found = following(one, _slowest(model))
@@ -189,8 +204,8 @@ def refuse_walk(one: PositionUnderDrive, model: Any) -> None:
 def refuse_inverted(
     steps: Sequence[PositionUnderDrive], walks: Sequence[PositionUnderDrive], model: Any
 ) -> None:
-    """Raise RecordingError if the positions of steps move against their drive; the message names all such
-    recordings.
+    """Raise RecordingError if the position of any step moves against its drive; the message names all such
+    recordings, walks included. Walks alone do not raise the error.
 
     Args:
         steps: step recordings, with the end-effector fixed to the stage.
@@ -216,8 +231,8 @@ def refuse_against(one: PositionUnderDrive) -> None:
 
 
 def said_inverted(label: str, one: PositionUnderDrive) -> str:
-    """Return a sentence on positions that move against their drive, with the setting that inverts the
-    sensor."""
+    """Return a sentence on positions that move against their drive, with the setting of the file that inverts
+    the sensor; `label` names channel and recordings."""
     return (
         f"{label} goes down where drive_voltage [V] goes up: the sensor is inverted. Say so, in the unit of "
         f'the file: units: {{{one.channel}: "-1 u{one.unit}"}}'
@@ -230,8 +245,8 @@ def _correlation(one: PositionUnderDrive) -> float:
 
 
 class Following(NamedTuple):
-    """Relation of a position to its drive: slope [unit/V], standard error, and correlation, corrected for
-    white noise."""
+    """Linear relation of a position to its drive: `slope` [unit of the position per V], the standard `error`
+    of the slope by white noise, and the `correlation` (-1 to 1) without the effect of white noise."""
 
     slope: float
     error: float
@@ -239,14 +254,15 @@ class Following(NamedTuple):
 
 
 def following(one: PositionUnderDrive, natural_frequency: float) -> Following | None:
-    """Return how the position follows the slow parts of the drive; None if no part is slow.
+    """Return the relation of the position to the drive in the slow parts of the drive; None if no part is
+    slow.
 
     The contact sticks in these parts. Over whole periods a walk in long steps may move against its drive: it
     advances while the drive falls back.
 
     Args:
         one: the walk.
-        natural_frequency: rad/s, of the stage.
+        natural_frequency: lowest natural frequency, rad/s, from which slow parts are judged.
     """
     change = np.abs(np.diff(one.drive))
     moving = change[change > 0.0]
@@ -264,8 +280,8 @@ def following(one: PositionUnderDrive, natural_frequency: float) -> Following | 
         square = float(v @ v)
         if square <= 4.0 * v.size * noise**2:
             continue
-        # Angular frequency in rad per sample if this part of the drive is a sine; for a ramp, 3.5 divided by
-        # its number of samples.
+        # The rate of this part is its angular frequency, in rad per sample, if the drive is a sine there; for
+        # a ramp, the rate is 3.5 divided by its number of samples.
         rate = math.sqrt(max(float(np.sum(np.diff(v) ** 2)) - 2.0 * v.size * noise**2, 0.0) / square)
         if rate / interval < natural_frequency / SLOWER:
             power, common = power + square, common + float(v @ x[late])
@@ -296,13 +312,19 @@ def _refuse_beyond_reach(one: PositionUnderDrive, model: Any) -> None:
 def refuse_loop(
     position: Array, force: Array, name: str, channels: tuple[str, str], moves: bool = False
 ) -> None:
-    """Raise RecordingError if a friction loop has the wrong sign: friction dissipates work.
+    """Raise RecordingError if a friction loop has the wrong sign: the force does negative work, although
+    friction dissipates work.
 
     Args:
-        position, force: [n], of a contact, or the force that drives a body.
+        position: positions, m (rad), [n].
+        force: force of a contact, or the force that drives a body, N (N m), [n].
         name: name of the recording.
-        channels: names of both channels.
-        moves: the force also accelerates a body, whose kinetic energy changes.
+        channels: names of the channels of position and force.
+        moves: True: the force also accelerates a body, whose kinetic energy changes.
+
+    Raises:
+        RecordingError: position or force is noise, both are swapped, or the work is negative. Motions that
+            cross their median position fewer than three times are tested for noise only.
     """
     for values, what in zip((position, force), channels, strict=True):
         refuse_noise(values, what, name)
@@ -311,7 +333,7 @@ def refuse_loop(
     if crossed.size < 3:
         return
     x, f = (values[crossed[0] : crossed[-1] + 2] for values in (position, force))
-    f = f - f.mean()  # over a closed loop, a constant force does no work
+    f = f - f.mean()  # a constant force does no work over a closed loop, but would over its open ends
     work = float(np.trapezoid(f, x))
     by_force = noise_level(force) * float(np.linalg.norm(np.diff(x)))
     by_position = noise_level(position) * float(np.linalg.norm(np.diff(f)))
@@ -319,7 +341,7 @@ def refuse_loop(
     least = SURE * (by_force + by_position) + LOST * half * float(np.sum(np.abs(np.diff(x))))
     if work >= -least - (half * _span(x) if moves else 0.0):
         return
-    if np.ptp(force) < np.ptp(position):  # less than 1 N/m
+    if np.ptp(force) < np.ptp(position):  # a stiffness below 1 N/m: the columns are swapped
         raise RecordingError(
             f"{channels[1]} of {name} does negative work over its loops, and spans less newtons than "
             f"{channels[0]} spans metres: the two columns are swapped. Say which column is which (`columns`)"
@@ -336,7 +358,7 @@ def refuse_loading(grown: float, loaded: float, label: str) -> None:
     Args:
         grown: mean growth of the force over weight in a stick-slip event.
         loaded: growth of the spring force over weight in an equal time if the slider does not move.
-        label: channel and recording.
+        label: name of the channel and the recording in the error.
     """
     if 1.0 / FACTOR < grown / loaded < FACTOR:
         return
@@ -347,8 +369,8 @@ def refuse_loading(grown: float, loaded: float, label: str) -> None:
 
 
 def said_far(starts: Mapping[str, float], values: Mapping[str, float]) -> tuple[str, ...]:
-    """Return a sentence on forces and stiffnesses whose fitted values are far from their initial guesses: a
-    unit may be wrong."""
+    """Return a tuple with one sentence on forces and stiffnesses whose fitted `values` differ from their
+    initial guesses `starts` by more than a factor of 900 (a unit may be wrong); otherwise an empty tuple."""
     far = [
         f"{name} is {abs(values[name] / start):.3g} times its start"
         for name, start in starts.items()
@@ -364,8 +386,8 @@ def _span(values: Array) -> float:
 
 
 def _slowest(model: Any) -> float:
-    """Return the lower one of two natural frequencies, rad/s: of the stage with its load, and of the
-    contact."""
+    """Return the lower one of two natural frequencies of an actuator, rad/s: that of the stage with the
+    end-effector, and that of the end-effector on its contact."""
     carried = model.end_effector_mass / model.stage_mass if model.stage_reaction else 0.0
     stage = model.natural_frequency / math.sqrt(1.0 + carried)
     law = model.friction
