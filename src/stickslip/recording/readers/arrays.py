@@ -16,41 +16,45 @@ from .source import FileChannel, FileContent, Rows
 
 
 class Leaf(NamedTuple):
-    """An array in a file, which `load` reads when needed."""
+    """An array in a file. Its function `load`, without arguments, reads the array when needed; `shape` is
+    known before."""
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]
-    of_complex: bool = False  # True if the numbers are complex
-    unit: str = ""  # unit as written in the file; "" if unknown
-    epoch: float = 0.0  # for dates: time of the number 0, s since 1970
-    # Function that reads only a slice along an axis, if the format allows it; otherwise None.
+    of_complex: bool = False
+    unit: str = ""  # unit as written in the file; "" if it is unknown
+    # For dates: the time that the number 0 means, in s since 1970.
+    epoch: float = 0.0
+    # Function that reads only a slice along one axis, if the format allows this: it takes the axis and the
+    # slice, and returns the array. None: only the whole array can be read.
     load_part: Callable[[int, slice], np.ndarray] | None = None
 
 
 def total_bytes(leaves: Iterable[Leaf]) -> int:
-    """Return the size in bytes that the arrays have in memory as float64."""
+    """Return the size in bytes that arrays (`Leaf`) have in memory together as float64."""
     return sum(8 * math.prod(leaf.shape) for leaf in leaves)
 
 
 class ArrayChannel(NamedTuple):
-    """A channel that is a part of a named array: all samples along `axis`, at the indices `others` along the
-    other axes."""
+    """A channel that is a part of the array with the name `array`: all samples along `axis`, at the indices
+    `others` along the other axes."""
 
     array: str
     axis: int
     others: tuple[int, ...]
-    alone: bool  # True if the array has only this channel
+    alone: bool  # True if the array has no other channel
 
     @property
     def subscripts(self) -> list[str]:
-        """Return the index along each axis of the array as text, from 0, and ":" along the time axis."""
+        """Return the index along each axis of the array as text, from 0, in the order of the axes, with ":"
+        for the time axis."""
         texts = [str(i) for i in self.others]
         return [*texts[: self.axis], ":", *texts[self.axis :]]
 
 
 def array_parts(leaves: Mapping[str, Leaf]) -> list[ArrayChannel]:
-    """Return all channels of the named arrays, in their order. Time is taken to be the longest axis of an
-    array, the first if several are equally long.
+    """Return all channels of the named arrays, in their order. The longest axis of an array is taken as time,
+    the first one if several are equally long.
 
     Raises:
         RecordingError: there are more channels than `LIMITS` allows.
@@ -70,7 +74,8 @@ def array_parts(leaves: Mapping[str, Leaf]) -> list[ArrayChannel]:
 
 
 def real_leaves(leaves: Mapping[str, Leaf]) -> dict[str, Leaf]:
-    """Return the arrays by name, each complex one replaced by two real ones: "real(G)" and "imag(G)"."""
+    """Return the arrays by name, with each complex array replaced by two real ones: "real(NAME)" and
+    "imag(NAME)"."""
     found: dict[str, Leaf] = {}
     for name, leaf in leaves.items():
         if not leaf.of_complex:
@@ -87,8 +92,8 @@ def _part(load: Callable[[], np.ndarray], part: str) -> np.ndarray:
 
 
 def subscripted(part: ArrayChannel) -> str:
-    """Return the name of a channel in Python's notation, such as "table[:, 2]"; the only channel of an array
-    has the name of the array."""
+    """Return the name of a channel in Python's notation, such as "table[:, 2]". If the array has no other
+    channel, this is the name of the array."""
     name = part.array
     return name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
 
@@ -102,7 +107,7 @@ def array_source(
     Args:
         reader: name of the reader.
         leaves: arrays by name.
-        channels: part of an array, and description, of each channel.
+        channels: for each channel, a tuple of its part of an array and its description.
     """
 
     def read(indices: Sequence[int], rows: Rows) -> list[np.ndarray]:

@@ -1,7 +1,8 @@
 """Reader of logs with blocks of "key: value", as programs print them after each move.
 
-The line "Trial 1 - Forward: Error: 37.48 nm, Time: 0.63 sec" is one record. So are lines "Target: 10 um" and
-"Reached: 9.98 um" up to a line without a pair (blank, or a rule such as "-----") or a repeated key.
+The line "Trial 1 - Forward: Error: 37.48 nm, Time: 0.63 sec" is one record. Several lines, such as "Target:
+10 um" and "Reached: 9.98 um", are also one record, which ends at a line without a pair (blank, or a rule such
+as "-----") or at a repeated key.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from .file_units import to_si_unit
 if TYPE_CHECKING:
     import xarray as xr
 
-FEWEST = 2  # fewest records of a log
+# Fewest records of a file that is taken for a log.
+FEWEST = 2
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
     rf"(?P<key>[^\W\d_][^:=,;|\t\n]{{0,60}}?)\s*[:=]\s*(?P<number>{_NUMBER})\s*(?P<unit>[^\s\d,;|:=]*)\s*(?=[,;|\t]|$)"
@@ -33,14 +35,15 @@ _RULE = re.compile(r"\s*[-=*_#~]*\s*")
 
 class _Record(NamedTuple):
     label: str
-    values: dict[str, tuple[float, str]]  # numbers with their units
+    values: dict[str, tuple[float, str]]  # numbers with their units as in the file, by key
 
 
 def read_log(path: str | os.PathLike[str]) -> xr.Dataset:
     """Return the table in a log of "key: value" blocks: a dataset over "record" with a variable for each key,
-    in SI.
+    in SI; values with an unknown unit keep this unit.
 
-    A missing value is NaN. The text before the keys of a record is in the variable `label`.
+    A missing value is NaN. The text before the keys of a record is in the variable `label`. The variables are
+    named by the keys in lower case, with "_" for other signs.
 
     Raises:
         RecordingError: there are no two such blocks, or a key has units of different dimensions.
@@ -70,7 +73,7 @@ def read_log(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def _in_si(number: float, unit: str) -> tuple[float, str]:
-    """Return a number and its unit, both converted to SI; unchanged if the unit is unknown."""
+    """Return a number and its unit, both converted to SI; both unchanged if the unit is unknown or ""."""
     try:
         conversion = to_si_unit(unit) if unit else None
     except QuantityError:

@@ -14,9 +14,10 @@ Place = Callable[[int], str]
 
 
 class Clocked(NamedTuple):
-    """Channels with a common clock: sample times `time` [s], shape (n,), and values [n] by name."""
+    """Channels with a common clock: sample times `time` [s], shape (n,), and `values` [n] by the channel's
+    name."""
 
-    clock: str  # name of the clock in messages
+    clock: str  # name of the clock, for messages
     time: np.ndarray
     values: Mapping[str, np.ndarray]
 
@@ -24,8 +25,8 @@ class Clocked(NamedTuple):
 def complete_samples(
     group: Clocked, labels: Mapping[str, str], missing: Literal["error", "drop"], place: Place
 ) -> Clocked:
-    """Return the group of channels without incomplete samples (a time or value missing, NaN or infinite),
-    after a check that time ascends.
+    """Return the channels with a common clock, without incomplete samples (a time or value missing, NaN or
+    infinite), after a check that time ascends.
 
     Args:
         group: the channels and their times.
@@ -34,7 +35,7 @@ def complete_samples(
         place: function that takes the index of a sample and returns its place in the file as text.
 
     Raises:
-        RecordingError: a number is missing, or time does not ascend.
+        RecordingError: a number is missing (with "error"), no sample is left, or time does not ascend.
     """
     kept = np.isfinite(group.time)
     for values in group.values.values():
@@ -64,8 +65,8 @@ def complete_samples(
 
 
 def without_empty_end(group: Clocked) -> Clocked:
-    """Return the group up to its last finite time, because in a table the columns of a shorter group end with
-    blanks."""
+    """Return the channels up to their last finite time. In a table, the columns of a shorter group end with
+    blanks, which are no missing samples."""
     ticks = np.flatnonzero(np.isfinite(group.time))
     end = int(ticks[-1]) + 1 if ticks.size else 0
     return Clocked(
@@ -78,7 +79,7 @@ def onto_one_clock(common: Clocked, others: list[Clocked]) -> Clocked:
     group; the channels of the others are interpolated linearly.
 
     Raises:
-        RecordingError: a clock does not overlap with the common one.
+        RecordingError: fewer than two times of the common clock lie within the range of the others.
     """
     if not others:
         return common

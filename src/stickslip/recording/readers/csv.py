@@ -28,7 +28,8 @@ from .stamps import Stamped, iso
 if TYPE_CHECKING:
     import pandas as pd
 
-CHUNK = 1 << 23  # size of the text that is read at once, bytes
+# Size of the part of a text that is read at once, in bytes.
+CHUNK = 1 << 23
 
 
 def read_csv(
@@ -38,11 +39,12 @@ def read_csv(
     skip: int = 0,
     missing_values: Sequence[str] = (),
 ) -> FileContent:
-    r"""Return the columns of a text file; see `find_layout` for the arguments.
+    r"""Return the content of a text file: its columns as channels, and a function that reads them. See
+    `find_layout` for the arguments.
 
     Raises:
-        RecordingError: there are no numbers; or, when reading, a field is not a number or a row has too many
-            or, at the end of the file, too few fields.
+        RecordingError: there are no numbers. Later, its `read` raises the same error if a field is not a
+            number, a row has too many fields, or the last row has too few.
     """
     layout = find_layout(path, delimiter, decimal, skip, missing_values)
     channels = layout.channels
@@ -66,7 +68,8 @@ def read_csv(
 
 
 def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows) -> list[np.ndarray]:
-    # A too large estimate costs nothing, because the system assigns memory only when it is written to.
+    # Too large an estimate of the number of rows costs nothing, because the system assigns memory only when
+    # it is written to.
     capacity = int(path.stat().st_size / layout.line_bytes) + 1
     if rows.stop is not None:
         capacity = min(capacity, rows.stop)
@@ -96,9 +99,11 @@ def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows
                 show_progress(raw.tell())
         except GateError:
             raise
-        except (ValueError, OverflowError) as error:  # pandas' ParserError is a ValueError
+        # pandas' ParserError is a ValueError.
+        except (ValueError, OverflowError) as error:
             raise _explained(path, layout, indices, error) from error
-    if rows.stop is None or position < rows.stop:  # the file has been read to its end
+    # Rows of delimiters at the end are removed only if the file was read to its end.
+    if rows.stop is None or position < rows.stop:
         filled = max(filled - _blank_rows_at_the_end(path, layout), 0)
     for column in columns:
         column.resize(filled, refcheck=False)
@@ -108,20 +113,22 @@ def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows
 
 
 class _Lines:
-    """A text file, as pandas reads it: lines in a form that pandas understands, none longer than
-    `LIMITS.line` characters."""
+    """A text file, opened from the path `path`, in the form that pandas reads: lines rewritten for pandas,
+    none longer than `LIMITS.line` characters."""
 
     def __init__(self, path: Path, file: TextIO, layout: TextLayout) -> None:
         self._path, self._file, self._layout, self._run = path, file, layout, 0
 
     def read(self, size: int = -1) -> str:
-        """Return the next part of the text.
+        """Return the next lines of the text: about `size` characters, up to the end of a line; "" at the end
+        of the file.
 
         Raises:
             GateError: a line is too long.
         """
         part = self._file.read(size)
-        part += self._file.readline(LIMITS.line)  # completes the last line, so that no number is cut in two
+        # Complete the last line, so that no number is cut in two.
+        part += self._file.readline(LIMITS.line)
         end = max(part.rfind("\n"), part.rfind("\r"))
         self._run = self._run + len(part) if end < 0 else len(part) - end - 1
         if self._run > LIMITS.line:
@@ -135,11 +142,12 @@ class _Lines:
 def _chunks(file: Any, layout: TextLayout, indices: list[int], stop: int | None) -> Iterator[pd.DataFrame]:
     import pandas as pd
 
-    # Numbers are read to the last bit: pandas does so by default from 3.1 on, and earlier with this option.
+    # Numbers are read exactly to the last bit: pandas does so by default from 3.1 on, and earlier with this
+    # option.
     recent = (*map(int, pd.__version__.split(".")[:2]),) >= (3, 1)
     exact: Any = {} if recent else {"float_precision": "round_trip"}
-    # A column that was not requested is kept as one byte per row: with ``usecols``, pandas would not detect
-    # rows that are too long.
+    # A column that was not requested is kept as one byte per row. With ``usecols`` instead, pandas would not
+    # detect rows that are too long.
     types: dict[Hashable, Any] = dict.fromkeys(range(len(layout.kinds)), "S1")
     dates = [layout.stamps[i].date for i in indices if i in layout.stamps]
     types |= {i: np.float64 if layout.kinds[i] == "n" else str for i in indices}
@@ -174,7 +182,12 @@ def _numbers(chunk: pd.DataFrame, layout: TextLayout, i: int) -> np.ndarray:
 
 
 def _since(texts: pd.Series, how: Stamped) -> np.ndarray:
-    """Return time stamps in s since the epoch of their column; NaN for blank ones."""
+    """Return time stamps (texts) in s since the epoch of their column; NaN for blank ones. `how` describes
+    the column.
+
+    Raises:
+        ValueError: a text is no date or time.
+    """
     import pandas as pd
 
     made = texts.map(lambda text: iso(text, how.first_is_day), na_action="ignore")
@@ -193,8 +206,8 @@ def _is_date(text: str, how: Stamped) -> bool:
 
 
 def _rows(path: Path, layout: TextLayout) -> Iterator[tuple[int, str]]:
-    """Yield the line number in the file (from 1) and the text of each row of data; slow, so only used to
-    locate an error."""
+    """Yield the line number in the file (from 1) and the text of each row of data. This is slow, so it only
+    serves to locate an error."""
     with opened(path) as raw, TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as file:
         for number, line in enumerate(_Lines(path, file, layout), 1):
             if number > layout.first_line and layout.is_data(line):
@@ -224,7 +237,7 @@ def _explained(path: Path, layout: TextLayout, indices: list[int], error: Except
 
 
 def _tail(path: Path, layout: TextLayout) -> list[str]:
-    """Return the lines in the last 64 KiB of a file; the first of them may be incomplete."""
+    """Return the lines in the last 64 KiB of a file; the first of these lines may be incomplete."""
     with opened(path) as file:
         file.seek(max(os.fstat(file.fileno()).st_size - (1 << 16), 0))
         tail = file.read().decode(layout.encoding, errors="replace")
@@ -233,7 +246,7 @@ def _tail(path: Path, layout: TextLayout) -> list[str]:
 
 def _blank_rows_at_the_end(path: Path, layout: TextLayout) -> int:
     """Return the number of rows at the end of a file that contain only delimiters, as spreadsheets write
-    them."""
+    them; 0 for UTF-16."""
     count = 0
     for line in reversed(_tail(path, layout) if layout.encoding != "utf-16" else []):
         if layout.is_data(line):
@@ -245,10 +258,12 @@ def _blank_rows_at_the_end(path: Path, layout: TextLayout) -> int:
 
 def _check_last_line(path: Path, layout: TextLayout) -> None:
     """Raise RecordingError for a file whose last row has too few fields: the file was cut off, and even its
-    last number may be wrong."""
+    last number may be wrong. Files in UTF-16 are not checked."""
     if layout.encoding == "utf-16":
-        return  # `_tail` may start in the middle of a two-byte character
-    last = _tail(path, layout)[-1]  # "" if the file ends with a line end, as most files do
+        # The part that `_tail` reads may start in the middle of a two-byte character of UTF-16.
+        return
+    # This is "" if the file ends with a line end, as most files do.
+    last = _tail(path, layout)[-1]
     fields = layout.split(last)
     if layout.is_data(last) and len(fields) < len(layout.kinds):
         raise RecordingError(

@@ -24,12 +24,15 @@ Capture = tuple[dict[str, Leaf], list[tuple[ArrayChannel, FileChannel]]]
 
 
 def find_capture(tree: dict[str, Any]) -> Capture | None:
-    """Return the arrays and channels of a dSPACE capture in the variables of a MAT file; None if there is
-    none.
+    """Return the arrays and channels of a dSPACE capture in the variables of a MAT file (`tree`: variables by
+    name); None if there is no capture.
+
+    The result is a dictionary of arrays (`Leaf`) by name, and a list with a tuple for each channel: its part
+    of an array and its description.
 
     Raises:
         RecordingError: the numbers of samples, or the rasters, of a capture's signals and clocks do not
-            match.
+            match, or there are too many signals.
     """
     if isinstance(tree.get("trace_x"), Leaf) and isinstance(tree.get("trace_y"), Leaf):
         return _flat(tree["trace_x"], tree["trace_y"], tree)
@@ -43,7 +46,7 @@ def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
     samples = int(np.prod(trace_x.shape))
     if len(trace_y.shape) != 2 or samples not in trace_y.shape:
         raise RecordingError(f"trace_y has the shape {trace_y.shape}, trace_x {samples} samples")
-    # If there are as many signals as samples, rows are taken as signals, as is usual.
+    # With as many signals as samples, the axes are ambiguous: rows are then taken as signals, as is usual.
     axis = 1 if trace_y.shape[1] == samples else 0
     channels = [(array_parts({"trace_x": trace_x})[0], FileChannel("trace_x", "s", ("trace_x", 0), 0))]
     count = trace_y.shape[1 - axis]
@@ -58,7 +61,8 @@ def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
 
 
 def _texts(node: Any, count: int) -> list[str]:
-    """Return the `count` texts of a cell array; empty texts if it is missing or has another length."""
+    """Return the `count` texts of a cell array (`node`, a list); empty texts if it is missing or has another
+    length."""
     known = isinstance(node, list) and len(node) == count
     return [_text(one) for one in node] if known else [""] * count
 

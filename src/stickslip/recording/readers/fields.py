@@ -16,7 +16,7 @@ o.l o.l. ovl ovld ovrld ovf ovfl ovflw ovrng over overflow overload overrange ov
 underflow underrange
 """
 _PHRASES = ("no data", "no value", "over range", "under range", "out of range", "not a number")
-# Errors of Excel, in English and German.
+# Error texts of Excel in cells, in English and German.
 SHEET_ERRORS = ("#N/A", "#NV", "#DIV/0!", "#VALUE!", "#WERT!", "#NUM!", "#ZAHL!", "#REF!", "#NAME?", "#NULL!")
 
 
@@ -28,33 +28,36 @@ def _missing() -> frozenset[str]:
     return frozenset(signed | signs | {"", "…", "–", "—", "- -", "-.-", "-.--", "--.--", *SHEET_ERRORS})
 
 
-# Texts in place of a missing, infinite or out-of-range number; `missing_values` adds further ones.
+# Texts that files contain in place of a missing, infinite or out-of-range number; the argument
+# `missing_values` adds further ones.
 MISSING = _missing()
-# Smallest magnitude of a number that means a missing or out-of-range value: instruments write 9.9e37 (SCPI)
+# Smallest magnitude at which a number means a missing or out-of-range value: instruments write 9.9e37 (SCPI)
 # or their largest number.
 OVERLOAD = 9.89e37
 
-# These patterns have no two ways to match the same characters, so that the time does not grow out of bounds
-# for a field as long as a line.
+# These patterns match each text in only one way, so that the time does not grow out of bounds for a field as
+# long as a line.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?")
-FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # the exponent's letter in Fortran's "1.0D-03"
+# Pattern of the exponent's letter in Fortran's "1.0D-03".
+FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 # Pattern of texts of Microsoft's C library for missing numbers: "1.#QNAN", "-1.#IND00", "1.#INFe+000".
 LIBRARY = re.compile(r"[+-]?1[.,]#[A-Za-z]+\d*([eE][+-]?\d+)?")
 
 
-SPACE = r"\s+"  # white space as a delimiter
-# Signs that start a comment line; an error text of Excel, such as "#N/A", does not.
+# Delimiter that stands for any white space.
+SPACE = r"\s+"
+# Pattern of the signs that start a comment line; an error text of Excel, such as "#N/A", is no comment.
 COMMENT = re.compile(rf"\s*(#(?!{'|'.join(re.escape(one[1:]) for one in SHEET_ERRORS)})|%|//)+")
 
 
 def without_sign(line: str) -> str:
-    """Return the line without the comment signs at its start, if any."""
+    """Return the line without the comment signs (#, %, //) at its start, if any."""
     found = COMMENT.match(line)
     return line[found.end() :] if found else line
 
 
 class Signs(NamedTuple):
-    """Rules for fields of numbers: the decimal sign, and the texts that stand for missing numbers."""
+    """Rules for fields of numbers: the `decimal` sign, and the texts that stand for `missing` numbers."""
 
     decimal: str
     missing: frozenset[str] = MISSING
@@ -71,13 +74,18 @@ class Signs(NamedTuple):
         return "d" if is_stamp(field) else "s"
 
     def kinds(self, fields: Sequence[str]) -> str:
-        """Return the kinds of the fields as a text with one letter for each, see `kind`."""
+        """Return the kinds of the fields as a text with one letter ("e", "n", "d" or "s") for each, see
+        `kind`."""
         return "".join(map(self.kind, fields))
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Return the fields of a line, without quotes and surrounding blanks; `delimiter` is a sign or
-    `SPACE`."""
+    """Return the fields of a line, without quotes and surrounding blanks; `delimiter` is a sign or `SPACE`
+    (any white space).
+
+    Raises:
+        RecordingError: the quotes of the line cannot be read.
+    """
     if delimiter == SPACE:
         return [field.strip('"') for field in line.split()]
     if '"' not in line:

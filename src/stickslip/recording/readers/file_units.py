@@ -15,7 +15,7 @@ from .. import conversion
 from ..conversion import Conversion
 from .source import FileChannel
 
-# Units as files spell them, and the spelling that the parser understands as the meant unit.
+# Units as files spell them, and the spelling that the unit parser understands.
 _MEANT = {"MIL": "thou", "pct": "percent"}
 _MEANT |= {"rev": "turn", "revs": "turn", "gon": "grad", "cycle": "", "cycles": ""}
 _MIL = re.compile(r"\b[mM]ils?\b")
@@ -31,7 +31,7 @@ _UNSURE = {
     "Ms": "ms, or megaseconds",
     "cps": "counts per second, or cycles",
 }
-# Names of parts, channels and levels that the parser takes for units.
+# Names of parts, channels and levels that the unit parser would take for units.
 _WORDS = frozenset(
     ["hand", "rod", "pole", "perch", "link", "chain", "point", "pica", "act", "ch", "b", "B", "c", "D", "e"]
 )
@@ -45,7 +45,7 @@ _ROLE = re.compile(
     re.IGNORECASE,
 )
 # Units of one letter whose meaning depends on the name of the column: the letter, a pattern of names, and the
-# unit that is meant. In a column "acceleration", g is standard gravity, not gram.
+# unit that is meant. In a column "acceleration", g means standard gravity, not gram.
 _BY_NAME = (
     ("g", re.compile(r"acc|beschl", re.IGNORECASE), "standard_gravity"),
     ("C", re.compile(r"temp", re.IGNORECASE), "degC"),
@@ -59,7 +59,7 @@ _ONLY_OF = {"in": _LENGTH, "min": _TIME, "d": _TIME, "h": _TIME}
 
 
 def to_si_unit(unit: str) -> Conversion:
-    """Return the conversion to SI of a unit in its usual meaning in files, see `recording.conversion`.
+    """Return the conversion to SI of a unit in its usual meaning in files, as a `Conversion`.
 
     Raises:
         QuantityError: the unit is unknown, or has several meanings in files.
@@ -68,7 +68,8 @@ def to_si_unit(unit: str) -> Conversion:
 
 
 def to_si_scale(text: str) -> Conversion:
-    """Return the conversion to SI of a unit with a number, in its usual meaning in files: "0.5 mil/V".
+    """Return the conversion to SI, as a `Conversion`, of a unit with a number, in its usual meaning in files:
+    "0.5 mil/V".
 
     Raises:
         QuantityError: see `to_si_unit`; or the number is 0 or not finite.
@@ -78,15 +79,15 @@ def to_si_scale(text: str) -> Conversion:
 
 @functools.lru_cache(
     maxsize=10_000
-)  # one entry for each column of the widest allowed file, because each unit is checked several times
+)  # One entry for each column of the widest allowed file, because each unit is checked several times.
 def is_unit(text: str) -> bool:
     """Return True if `to_si_unit` accepts the text as a unit."""
     return conversion.is_unit(text, to_si_unit)
 
 
 def is_unit_of(name: str, text: str) -> bool:
-    """Return True if a text in round brackets after a column's name is a unit and not a word, such as "in"
-    after "Voltage"."""
+    """Return True if a text in round brackets after the column's name `name` is a unit and not a word, as
+    "in" is after "Position" but not after "Voltage"."""
     only = _ONLY_OF.get(text)
     return is_unit(text) and (only is None or only.search(name) is not None)
 
@@ -104,13 +105,13 @@ def is_unsure(unit: str) -> bool:
 
 
 def in_seconds(channel: FileChannel) -> bool:
-    """Return True if the unit of a channel is a time."""
+    """Return True if the unit of a channel is a unit of time (s, ms, ...)."""
     return is_unit(channel.unit) and to_si_unit(channel.unit).unit == "s"
 
 
 def of_its_name(channel: FileChannel) -> FileChannel:
-    """Return the channel with its one-letter unit replaced by the unit that its name suggests: C of a
-    temperature becomes degrees Celsius. Other channels are unchanged."""
+    """Return the channel with a one-letter unit replaced by the unit that the channel's name suggests: C of a
+    temperature means degrees Celsius, g of an acceleration standard gravity. Other channels are unchanged."""
     for unit, name, meant in _BY_NAME:
         if channel.unit == unit and name.search(channel.name):
             return channel._replace(unit=meant, header=channel.shown)

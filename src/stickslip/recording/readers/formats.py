@@ -15,8 +15,8 @@ from .. import RecordingError
 from .signatures import is_text, known_format, not_read
 from .source import Format
 
-# Name of the text format, which is not registered as a `Format`, its description in lists, and its file
-# endings.
+# TEXT: name of the text format, which is not registered as a `Format`. TEXT_LINE: its description in lists.
+# _TEXT: its file endings.
 TEXT = "text"
 TEXT_LINE = (
     "Numbers in lines: CSV, TSV, LabVIEW's LVM, tables of oscilloscopes, with or without headers and units."
@@ -24,12 +24,13 @@ TEXT_LINE = (
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".lvm")
 
 
-_NAMES = 1000  # largest number of files in a folder that are compared with the name of a missing file
+# Largest number of files in a folder that are compared with the name of a missing file.
+_NAMES = 1000
 
 
 def _near(path: Path) -> str:
-    """Return a hint for the message on a missing file: that the folder is missing, or the file with the most
-    similar name."""
+    """Return the end of the message on a missing file: that the folder is missing, the most similar name in
+    the folder, or advice to check the name."""
     if not path.parent.is_dir():
         return f": the folder {path.parent} is missing"
     names: list[str] = []
@@ -52,7 +53,8 @@ def find_format(path: Path) -> str:
     if not path.is_file():
         raise RecordingError("no plain file: a pipe or a device")
     check_regular(path)
-    if not path.stat().st_size:  # also true of system files (/proc), some of which never end
+    # System files (/proc), some of which never end, also have the size 0.
+    if not path.stat().st_size:
         raise RecordingError("the file is empty; record or export it again")
     with opened(path) as file:
         head = file.read(1 << 16)
@@ -72,15 +74,16 @@ def find_format(path: Path) -> str:
 
 
 def _formats() -> list[Format]:
-    """Return all registered formats, those of the user and of other packages first, so that they are tried
-    first."""
+    """Return all registered formats (`Format`) in the order in which they are tried: those of the user and of
+    other packages first."""
     return sorted((one for _, one in registry.readers.all()), key=lambda one: not registry.origin(one.read))
 
 
 def _is_recording(path: Path, ending: str) -> bool:
     """Return True if an HDF5 file is a recording of this package (NetCDF or NeXus); a damaged file counts if
-    its extension is .nc."""
-    from ...gate.hdf5 import has_attribute  # readers of text need not load HDF5
+    its extension `ending` is .nc."""
+    # The imports are here, because readers of text need not load HDF5.
+    from ...gate.hdf5 import has_attribute
     from ...gate.nexus import ATTRIBUTES
 
     try:

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Role of a column in a frequency response, and pattern of its name; the first match counts, and "" is for
-# columns without a role.
+# Roles of columns in a frequency response, each with a pattern of their names. The first match counts; the
+# role "" is for columns that are not used.
 _ROLES = (
     ("", r"log|unwrap|coher|group delay|time"),
     ("frequency", r"freq|frequenz|omega|\bhz\b|^[fwω]$|^wout$"),
@@ -39,7 +39,7 @@ _ROLES = (
     ("real", r"\breal\b|\bre\b"),
     ("imag", r"\bimag|\bim\b"),
     ("gain", r"gain|magn|\bmag\b|ratio|transfer|\bfrf\b|\|.*\||\bdb\b|^abs\b"),
-    ("amplitude", r"ampl"),  # the gain only if no column has a name of a gain
+    ("amplitude", r"ampl"),  # taken as the gain only if no column has a name of a gain
 )
 # Pattern of units at the end of a header in spellings of frequency responses: "(dB)", "in °", "Phase_deg".
 _UNITS = re.compile(
@@ -47,15 +47,19 @@ _UNITS = re.compile(
 )
 _OMEGA = re.compile(r"omega|^[wω]$|^wout$", re.IGNORECASE)
 _DECIBEL = re.compile(r"db", re.IGNORECASE)
-_RESPONSES = (4, 5)  # function types in a universal file: frequency response, transmissibility
+# Function types in a universal file: frequency response, transmissibility.
+_RESPONSES = (4, 5)
 _MEANT = {"°": "deg", "degree": "deg", "degrees": "deg", "hz": "Hz", "khz": "kHz", "rad/sec": "rad/s"}
 _MEANT |= {text.lower(): text for text in ("deg", "rad", "dB", "rad/s")}
 _TWO_PI = 2.0 * np.pi
 
 
 class ResponseColumns(NamedTuple):
-    """Indices of the channels of a frequency response: the frequency, and for each output a pair: gain and
-    phase if `polar`, otherwise real and imaginary part."""
+    """Indices of the channels of a frequency response.
+
+    Fields: `frequency`; `pairs`, a tuple of two indices for each output: gain and phase if `polar`, otherwise
+    real and imaginary part.
+    """
 
     frequency: int
     polar: bool
@@ -77,15 +81,16 @@ def read_frequency_response(
             "imag"; by default found by their names, also for several outputs.
         units: units of "frequency" (Hz, rad/s), "gain" (dB, "1", "um/V") and "phase" (deg, rad), which
             override those of the file. The unit of the gain is also used for real and imaginary parts.
-        scale: response, with its unit, that a gain of 1 (0 dB) stands for: "0.5 um/V".
+        scale: response, with its unit, that a gain of 1 (0 dB) means: "0.5 um/V".
 
     Returns:
-        Over "frequency" [Hz, ascending], "output" and "input" the `response`, complex. It has no `deviation`:
-        all frequencies have equal weights in `identify_frequency`.
+        Dataset over "frequency" [Hz, ascending], "output" and "input" (both from 1) with the variable
+        `response`, complex, in SI. It has no `deviation`: all frequencies have equal weights in
+        `identify_frequency`.
 
     Raises:
-        RecordingError: there is no frequency response in the file, a unit is missing, or a value is not a
-            number.
+        RecordingError: there is no frequency response in the file, a unit is missing or wrong, a value is not
+            a number, or a frequency is repeated.
     """
     path = Path(path)
     with named_file(path):
@@ -106,8 +111,8 @@ def read_frequency_response(
 
 
 def response_columns(channels: Sequence[FileChannel]) -> ResponseColumns | None:
-    """Return the columns of a frequency response, found by their names; None if the channels do not form
-    one."""
+    """Return the columns of a frequency response among the channels, found by their names; None if the
+    channels do not form a response."""
     roles = [_role(one) if one.numeric else "" for one in channels]
     frequency = [i for i, role in enumerate(roles) if role == "frequency"]
     if not frequency:
@@ -123,7 +128,8 @@ def response_columns(channels: Sequence[FileChannel]) -> ResponseColumns | None:
 
 def _role(channel: FileChannel) -> str:
     text = re.sub(r"[_.]+", " ", channel.shown).strip().lower()
-    texts = (text, re.split(r"\s*[\[(<]", text)[0])  # the header with and without its unit
+    # The patterns are compared with the header, and with the header without its unit.
+    texts = (text, re.split(r"\s*[\[(<]", text)[0])
     return next((name for name, pattern in _ROLES if any(re.search(pattern, one) for one in texts)), "")
 
 
@@ -171,7 +177,8 @@ def _read(
 
 
 def _unit(channel: FileChannel) -> str:
-    """Return the unit in a column's header, whether the package knows it or not; "" without one."""
+    """Return the unit of a column, from its description or the end of its header, whether the package knows
+    this unit or not; "" if there is none."""
     said = _UNITS.search(channel.shown)
     text = channel.unit or next((group for group in (said.groups() if said else ()) if group), "")
     text = text.strip()
@@ -179,8 +186,11 @@ def _unit(channel: FileChannel) -> str:
 
 
 def _frequency(channel: FileChannel, values: Array, said: str) -> Array:
-    """Return the frequencies in Hz; `said` is the user's unit. Without any unit, values are taken to be in
-    Hz.
+    """Return the frequencies of a column in Hz.
+
+    Args:
+        channel, values: column and its values.
+        said: unit from the user; "": the column's unit or, without one, Hz.
 
     Raises:
         RecordingError: the column is called omega and has no unit, the unit is wrong, or a frequency is
@@ -214,8 +224,11 @@ def _gain(channel: FileChannel, values: Array, said: str, scale: str, polar: boo
     Args:
         channel, values: column and its values.
         said: unit from the user; "": the column's unit.
-        scale: response that a gain of 1 stands for.
+        scale: response, with its unit, that a gain of 1 means.
         polar: True for a gain, which may be in dB.
+
+    Raises:
+        RecordingError: a unit or the scale is wrong, or the unit of a gain is missing.
     """
     unit = said or (_unit(channel) if polar else channel.unit)
     whole = _converted(channel, scale, None, "scale", "a number and a unit, '0.5 um/V'")
@@ -263,7 +276,8 @@ def _converted(
 
 
 def _ratio(unit: str) -> Conversion:
-    """Return the conversion of a unit to SI, also of a ratio of two units ("um/N")."""
+    """Return the conversion of a unit to SI, also of a ratio of two units ("um/N"). Raises QuantityError for
+    unknown units."""
     above, _, below = unit.rpartition("/")
     try:
         return to_si_unit(unit)
@@ -275,8 +289,19 @@ def _ratio(unit: str) -> Conversion:
 
 
 def _of_functions(functions: Sequence[dict[str, Any]], said: str, scale: str, path: Path) -> xr.Dataset:
-    """Return the frequency response in the functions of a universal file, as a dataset: outputs are response
-    points, inputs reference points; `said` is the user's unit of the gain."""
+    """Return the frequency response in the functions of a universal file, as the dataset of
+    `read_frequency_response`.
+
+    Args:
+        functions: functions in the file, as the dictionaries of pyuff; their response points become the
+            outputs, their reference points the inputs.
+        said: unit of the response from the user; "": that in the file.
+        scale: response, with its unit, that a gain of 1 means.
+        path: path of the file.
+
+    Raises:
+        RecordingError: there are no responses, they have different frequencies, or some are missing.
+    """
     responses = [one for one in functions if one.get("func_type") in _RESPONSES]
     if not responses:
         raise RecordingError("the universal file (UFF) holds no frequency responses")
@@ -307,8 +332,12 @@ def _reference(one: dict[str, Any]) -> str:
 
 
 def _dataset(frequency: Array, values: NDArray[Any], unit: str, path: Path) -> xr.Dataset:
-    """Return the dataset of a response [frequency, output, input], sorted by frequency, without 0 Hz, at
-    which there is no phase."""
+    """Return the dataset of a response [frequency, output, input], sorted by frequency [Hz]. The frequency 0
+    is left out, because there is no phase.
+
+    Raises:
+        RecordingError: there are fewer than two frequencies above 0, or one is repeated.
+    """
     import xarray as xr
 
     order = np.argsort(frequency, kind="stable")

@@ -1,4 +1,5 @@
-"""Reader of HDF5 files of other programs, including NetCDF 4: every array of real numbers is a signal.
+"""Reader of HDF5 files of other programs, including NetCDF 4: every array of real numbers is a signal, and
+every complex one is two.
 
 Names are the groups and the array, joined by dots: "run_1.position"; columns of a table are counted from 0:
 "run_1.table[:, 2]". Units come from an attribute "units" or "unit"; scale, offset and missing values of
@@ -22,13 +23,15 @@ if TYPE_CHECKING:
     from ...gate.hdf5 import Hdf5Array, Hdf5Group, Hdf5Tree
 
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS")
-_SECONDS_SINCE = " since "  # separates unit and date in NetCDF's "seconds since 2020-02-20"
-_PLACES = (0, 512, 1024, 2048)  # offsets at which HDF5 content may start, after a block of another program
+# Text between unit and date in NetCDF's "seconds since 2020-02-20".
+_SECONDS_SINCE = " since "
+# Offsets [bytes] at which HDF5 content may start, after a block of another program.
+_PLACES = (0, 512, 1024, 2048)
 
 
 class _Signal(NamedTuple):
-    """An array of numbers: its group, its unit, and the conversion value = number * scale + offset; numbers
-    in `missing` stand for missing values."""
+    """An array of numbers: its `group`, the `array` in the file, its `unit`, and the conversion value =
+    number * `scale` + `offset`. Numbers in `missing` are read as NaN."""
 
     group: str
     array: Hdf5Array
@@ -39,10 +42,11 @@ class _Signal(NamedTuple):
 
 
 def read_hdf5(path: Path) -> FileContent:
-    """Return the signals of an HDF5 file: every array of real numbers.
+    """Return the content of an HDF5 file: every array of real or complex numbers with more than one element,
+    as channels.
 
     Raises:
-        RecordingError: the file is damaged, or contains no arrays of real numbers.
+        RecordingError: the file is damaged, or contains no arrays of numbers.
     """
     from ...gate.hdf5 import hdf5_tree
 
@@ -82,7 +86,8 @@ def _collect(
             _collect(tree, one, name, found, others)
         elif not one.kind or one.kind == "r":
             others.append(name)
-        elif np.prod(one.shape) > 1:  # a single number is a setting, not a signal
+        # A single number is a setting, not a signal.
+        elif np.prod(one.shape) > 1:
             found[name] = _signal(prefix, one)
 
 
@@ -113,10 +118,11 @@ def _leaf(path: Path, signal: _Signal) -> Leaf:
 
 
 def _clocks(found: dict[str, _Signal], order: list[str]) -> dict[str, int | None]:
-    """Return the index in `order` (names of the channels' arrays) of the time channel of each array, by name.
+    """Return the index of the time channel of each array, by the array's name, in `order` (the array names of
+    the channels).
 
     The time channel is the only array in the same group that has a name or unit of time and the same length;
-    None if there is none or several.
+    None if there is none or several. `found` are the arrays by name.
     """
     clocks: dict[str, int | None] = {}
     for name, one in found.items():

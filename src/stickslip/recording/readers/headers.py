@@ -8,7 +8,8 @@ from .source import FileChannel, is_clock, time_unit
 
 # Endings of column names (in lower case) that are units, and the unit. Of one-letter units, V counts after
 # any name, but s only after a time, m after a length and a capital N after a force: "x_m" may be "measured",
-# "force_n" the normal force or the n-th one. A never counts: it is a channel as often as ampere or angstrom.
+# "force_n" the normal force or the n-th one. A never counts, because A is a channel as often as ampere or
+# angstrom.
 _ENDS = {"sec": "s", "msec": "ms", "usec": "us", "nsec": "ns", "v": "V", "mv": "mV", "kv": "kV", "uv": "uV"}
 _ENDS |= {
     "mn": "mN",
@@ -38,8 +39,8 @@ _FORCE = re.compile(r"force|friction|load|kraft|reibung", re.IGNORECASE)
 
 
 def named_unit(channel: FileChannel) -> FileChannel:
-    """Return the channel with the unit at the end of its name ("disp_um": displacement in um) or equal to its
-    name ("seconds"); otherwise unchanged."""
+    """Return the channel with the unit that its name states, at the end ("disp_um" becomes "disp" in um) or
+    as a whole ("seconds"). A channel with a unit or without numbers is unchanged."""
     if channel.unit or not channel.numeric:
         return channel
     if time_unit(channel.name):
@@ -53,7 +54,8 @@ def named_unit(channel: FileChannel) -> FileChannel:
 
 
 def ends_in_m(name: str) -> bool:
-    """Return True if a name of a length ends with "_m" or " m", which can mean metres or "measured"."""
+    """Return True if a name of a length (such as position) ends with "_m" or " m", which can mean metres or
+    "measured"."""
     return name[-2:].lower() in ("_m", " m") and _LENGTH.search(name) is not None
 
 

@@ -27,22 +27,28 @@ if TYPE_CHECKING:
 
 # Gap between samples, in median sampling intervals, above which it is reported as a pause.
 PAUSE = 1.5
-LARGE, MOST = 50_000_000, 50_000  # size of a large file in bytes, and number of samples read from it
-WIDEST = 80  # largest number of characters of a name in the table of columns; longer names are shortened
-ROUNDED = 1e-6  # time, in sampling intervals, that is shown as 0, because rounding may cause it
+# LARGE: size of a large file in bytes. MOST: number of samples read from such a file.
+LARGE, MOST = 50_000_000, 50_000
+# Largest number of characters of a name in the table of columns; longer names are shortened.
+WIDEST = 80
+# Largest time, in sampling intervals, that is shown as 0 s, because rounding may cause it.
+ROUNDED = 1e-6
 
 
 class Inspection(NamedTuple):
-    """Result of `inspect_file`.
+    """Result of `inspect_file`; as text (``str``), a report for the user.
 
     Attributes:
         path: path of the file.
         reader: name of the reader.
         cut: True if the ranges of `columns` are of the first samples only.
-        columns: description of each column, see `preview.look`; empty for a recording of this package.
-        named, units, clocks: arguments of `read_recording`, guessed where the file does not state them.
-        recording: the recording read with these arguments; None if that failed.
-        problem: message of the failure; "" without one.
+        columns: description of each column, see `preview.look`; empty for a recording of this package, a log
+            or a universal file.
+        named, units, clocks: arguments of `read_recording`, guessed where the file does not state them; for a
+            frequency response, `named` are its columns by role.
+        recording: the recording read with these arguments; None if that failed, or for a frequency response
+            or a log.
+        problem: message of the failure; "" if there was none.
         response: frequency response, if the file contains one; otherwise None.
         log: table of a log of "key: value" blocks, if the file contains one; otherwise None.
         large: True if the recording contains only the first `MOST` samples.
@@ -63,7 +69,7 @@ class Inspection(NamedTuple):
 
     @property
     def interval(self) -> float:
-        """Return the median sampling interval, s."""
+        """Return the median sampling interval of the recording, s."""
         assert self.recording is not None
         return float(np.median(np.diff(self.recording["time"].values)))
 
@@ -78,13 +84,13 @@ class Inspection(NamedTuple):
 
     @property
     def drive_begins(self) -> float | None:
-        """Return the time of the last sample before the drive voltage changes, s; None if there is no drive,
-        if it does not rest first, or if it never changes."""
+        """Return the time of the last sample before the drive voltage changes, s. The result is None if there
+        is no recording or drive, if the drive does not rest first, or if it never changes."""
         return None if self.recording is None else drive_begins(self.recording)
 
     def noise(self, name: str) -> float:
-        """Return the standard deviation of a channel before the drive starts, in the unit of the channel; NaN
-        with fewer than 20 samples."""
+        """Return the standard deviation of the recording's variable `name` before the drive starts, in the
+        unit of the variable; NaN with fewer than 20 such samples."""
         begins = self.drive_begins
         if self.recording is None or begins is None:
             return math.nan
@@ -93,7 +99,8 @@ class Inspection(NamedTuple):
 
     @property
     def yaml(self) -> str:
-        """Return the YAML entry of this file for the list ``recordings:`` of a job or identification file."""
+        """Return the entry of this file as YAML text for the list ``recordings:`` of a job or identification
+        file: its name, columns, clocks and units."""
 
         def flow(mapping: Mapping[str, str | int]) -> str:
             parts = (f"{name}: {json.dumps(text, ensure_ascii=False)}" for name, text in mapping.items())
@@ -152,7 +159,8 @@ class Inspection(NamedTuple):
             lines.append(f"{len(pauses)} gap{'s' if len(pauses) > 1 else ''} in the samples: {first}")
         begins = self.drive_begins
         if begins is not None:
-            begins = 0.0 if abs(begins) < ROUNDED * interval else begins  # rounding: -0.05 + 100 * 0.0005
+            # Rounding errors, as in -0.05 + 100 * 0.0005, are shown as 0.
+            begins = 0.0 if abs(begins) < ROUNDED * interval else begins
             lines.append(f"the drive begins after {with_prefix(begins, 's')}")
         taken = taken_drive(self.recording)
         if taken is not None:
@@ -166,7 +174,8 @@ class Inspection(NamedTuple):
 
 
 def inspect_file(path: str | Path) -> Inspection:
-    """Return the content of a file that `read_recording` reads, with guesses for missing units and names.
+    """Return the content of a file that `read_recording`, `read_frequency_response` or `read_log` reads, with
+    guesses for missing units and names.
 
     Args:
         path: file of a format in `stickslip list readers`, or a recording of this package.
@@ -210,8 +219,8 @@ def inspect_file(path: str | Path) -> Inspection:
 
 
 def _roles(columns: list[dict[str, Any]]) -> dict[str, str | int]:
-    """Return the names of the columns of a frequency response by role ("frequency", "gain", "phase 2"); empty
-    if the file has a time column or is not a response."""
+    """Return the columns of a frequency response as a dictionary: role ("frequency", "gain", "phase 2") ->
+    name of the column. It is empty if the file has a time column or is not a response."""
     channels = [FileChannel(one["name"], one["unit"], numeric=one["numeric"]) for one in columns]
     found = None if any(one["clock"] for one in columns) else response_columns(channels)
     if found is None:
@@ -244,7 +253,8 @@ def _said_of_log(log: xr.Dataset) -> list[str]:
 
 
 def _response(path: Path) -> tuple[xr.Dataset | None, str]:
-    """Return the frequency response of a file and "". If it cannot be read, return None and the reason."""
+    """Return the frequency response of a file (a dataset) and "". If it cannot be read, return None and the
+    reason."""
     try:
         return read_frequency_response(path), ""
     except RecordingError as error:

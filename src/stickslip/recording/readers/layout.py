@@ -1,8 +1,8 @@
 """Detection of the layout of a text file of numbers: encoding, delimiter, decimal sign, start of the data,
 header.
 
-The layout is found from the first lines. The delimiter and decimal sign are chosen with which the most lines
-become rows of numbers. Lines above the header are used only for settings.
+The layout is found from the first lines. That delimiter and decimal sign are chosen with which the most lines
+are rows of numbers. Lines above the header are used only for settings.
 """
 
 from __future__ import annotations
@@ -24,36 +24,40 @@ from .source import FileChannel
 from .stamps import Stamped, find_stamps
 from .titles import channel_of, cut, header_fields, titles, with_header_clock
 
-SAMPLE = 100  # fewest lines, spread over the start of the file, that determine the delimiter
-HEADER = 400  # number of lines at the top in which settings of an instrument are looked for
-FEW = 20  # number of rows from which a column of times is recognised
-END = "\x1a"  # end-of-file mark of DOS programs
+# fewest lines, evenly spread over the first part of the file, from which the delimiter is determined
+SAMPLE = 100
+HEADER = 400  # number of lines at the top that are searched for settings of an instrument
+FEW = 20  # number of rows from which a column is recognised as times
+END = "\x1a"  # end-of-file mark of DOS programs, which is removed
 LINE_END = re.compile(r"\r\n|\n|\r")
 
 
 class TextLayout(NamedTuple):
     """Layout of a text file, the result of `find_layout`; `channels` and `kinds` have one entry for each
-    column."""
+    column.
+
+    `encoding`, `delimiter` and `decimal` are those of the file.
+    """
 
     encoding: str
     delimiter: str
     decimal: str
     comment: str | None  # sign that starts a comment; None: there are no comments
-    first_line: int  # number of lines above the data
+    first_line: int  # number of lines above the first row of data
     line_bytes: float  # mean length of a line in bytes
     channels: tuple[FileChannel, ...]
-    kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
+    kinds: str  # kind of each column: "n" numbers, "d" dates, "s" text, "e" always empty
     missing: frozenset[str] = MISSING  # texts that stand for missing numbers
     fortran: bool = False  # True: numbers are written as in Fortran, "1.0D-03"
-    # Clocks in the header (first time and sampling interval), by the index of the channel that gets the times
-    # computed from them: a blank column of the file, its column of sample numbers, or a new channel after the
-    # last column.
+    # Clocks that the header describes, by the index of the channel that gets the times computed from them: a
+    # blank column of the file, its column of sample numbers, or a new channel after the last column.
     clocks: Mapping[int, HeaderClock] = MappingProxyType({})
     counts: bool = False  # True: the first column contains the numbers of the samples
-    stamps: Mapping[int, Stamped] = MappingProxyType({})  # dates and times of day, by index of the column
+    # Columns of dates and times of day: their description by the index of the column.
+    stamps: Mapping[int, Stamped] = MappingProxyType({})
 
     def split(self, line: str) -> list[str]:
-        """Return the fields of a line, without quotes."""
+        """Return the fields of a line, without quotes and surrounding blanks."""
         return split(line, self.delimiter)
 
     def fits(self, field: str, column: int) -> bool:
@@ -84,7 +88,7 @@ def find_layout(
     skip: int = 0,
     missing_values: Sequence[str] = (),
 ) -> TextLayout:
-    r"""Return the layout of a text file.
+    r"""Return the layout of a text file, found from its first lines.
 
     Args:
         path: the file.
@@ -96,6 +100,7 @@ def find_layout(
     Raises:
         RecordingError: there are no numbers, the decimal sign is ambiguous, or the first row of data cannot
             be read.
+        GateError: there are more columns than `LIMITS` allows.
     """
     encoding, head, lines = _head(path)
     data = [i for i in range(skip, len(lines)) if lines[i].strip() and not COMMENT.match(lines[i])]
@@ -152,12 +157,16 @@ def find_layout(
 
 
 def _head(path: Path) -> tuple[str, bytes, list[str]]:
-    """Return the encoding of a text file, its first bytes, and the lines in them."""
+    """Return the encoding of a text file, its first bytes (up to `LIMITS.line`), and the lines in them.
+
+    Raises:
+        RecordingError: the first line is longer than that.
+    """
     with opened(path) as file:
         head = file.read(LIMITS.line)
         more = len(head) == LIMITS.line and file.read(1) != b""
     encoding = _encoding(head)
-    # `str.splitlines` is not used, because it also splits at other characters.
+    # Lines are not split by `str.splitlines`, because it also splits at other characters.
     lines = LINE_END.split(head.decode(encoding, errors="replace"))
     if len(lines) == 1 and more:
         raise RecordingError(f"its first line has more than {LIMITS.line:,} characters: no table of numbers")
@@ -172,7 +181,8 @@ def _encoding(head: bytes) -> str:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
-        return "latin-1"  # of old instruments; µ and ° have the same codes in the Windows code page
+        # Old instruments write latin-1 or a Windows code page, in which µ and ° have the same codes.
+        return "latin-1"
     return "utf-8"
 
 
@@ -196,7 +206,7 @@ def _judge(
     lines: Sequence[str], ways: Sequence[tuple[str, str]], missing: frozenset[str]
 ) -> tuple[str, str, str]:
     """Return the kinds of the columns, the delimiter and the decimal sign with which the most lines are rows
-    of numbers; kinds are "" if no line is.
+    of numbers; the kinds are "" if no line is such a row.
 
     Args:
         lines: some lines of the file.
@@ -221,7 +231,13 @@ def _judge(
 
 def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -> None:
     """Raise RecordingError if a sign may be a thousands separator: in a column with "531" and "1,062", or in
-    a column whose decimal sign differs from the others'."""
+    a column with another decimal sign than the other columns.
+
+    Args:
+        rows: fields of some lines.
+        kinds: kind of each column.
+        signs: decimal sign, and texts for missing numbers.
+    """
     decimal, other = signs.decimal, "," if signs.decimal == "." else "."
     parted = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
     rows = [row for row in rows if "n" in signs.kinds(row)]
@@ -246,7 +262,14 @@ def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, signs: Signs) -
 
 def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str, count: int) -> None:
     """Raise RecordingError if a decimal comma was probably taken as the delimiter: the rows have twice as
-    many fields as the line of names with units above them."""
+    many fields as the line of names with units above them.
+
+    Args:
+        rows: fields of the lines above the data, by index of the line.
+        first: index of the first line of data.
+        delimiter: the delimiter that was found.
+        count: number of fields in a row.
+    """
     above = [fields for i, fields in rows.items() if i < first and any(fields)]
     names = [channel_of(field) for field in above[-1]] if above else []
     if delimiter == "," and count == 2 * len(names) and all(one.unit for one in names):
@@ -257,8 +280,8 @@ def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str
 
 
 def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:
-    """Return True if a line can be the first row of data: its fields have the kinds of the columns or are
-    missing."""
+    """Return True if a line with these fields can be the first row of data: the fields have the kinds of the
+    columns or are missing."""
     found = signs.kinds(fields)
     return len(found) == len(kinds) and all(
         b == "e" or a in (b, "e") for a, b in zip(found, kinds, strict=True)

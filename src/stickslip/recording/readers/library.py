@@ -19,17 +19,20 @@ from ...gate.limits import LIMITS, check_count, check_regular, check_size
 from .. import RecordingError
 from .source import FileChannel, FileContent, Rows
 
-_OPEN = re.compile(r"'?/dev/fd/\d+'?")  # pattern of the name by which a library gets an open file
+# Pattern of the name by which a library gets an open file; it is removed from messages.
+_OPEN = re.compile(r"'?/dev/fd/\d+'?")
 
 
 def library(module: str, kind: str, package: str, extra: str) -> Any:
-    """Return a module of an optional dependency; raise a RecordingError with installation advice if it is
-    missing.
+    """Return a module of an optional dependency.
 
     Args:
         module: name of the module.
-        kind: the files that need it, in words.
+        kind: the files that need the module, in words, for the message.
         package, extra: package of the module, and extra of stickslip that installs it.
+
+    Raises:
+        RecordingError: the module is not installed; the message contains the command that installs it.
     """
     try:
         return import_module(module)
@@ -52,7 +55,7 @@ def read_by_library(kind: str) -> Iterator[None]:
 
 @contextmanager
 def no_file_left_open() -> Iterator[None]:
-    """Close files that a library has left open in the block, by garbage collection."""
+    """At the end of the block, close files that a library has left open, by garbage collection."""
     try:
         yield
     finally:
@@ -62,8 +65,11 @@ def no_file_left_open() -> Iterator[None]:
 
 
 class Signal(NamedTuple):
-    """Samples of one signal that a library reads, in the file's unit; the function `load` returns the samples
-    in a range of rows."""
+    """Samples of one signal that a library reads, in the file's unit.
+
+    The function `load` takes a range of rows and returns their samples; `size` is the number of all samples.
+    The other fields are those of `FileChannel`.
+    """
 
     name: str
     unit: str
@@ -71,18 +77,21 @@ class Signal(NamedTuple):
     load: Callable[[Rows], np.ndarray]
     key: tuple[Any, ...] = ()
     numeric: bool = True
-    epoch: float = 0.0  # for dates: time of the number 0, s since 1970
+    # For dates: the time that the number 0 means, in s since 1970.
+    epoch: float = 0.0
 
 
 class SignalGroup(NamedTuple):
-    """Signals with the same sample times; `time` is None if the file has no times."""
+    """Signals with the same sample times. `time` is the signal of these times; None if the file has no
+    times."""
 
     time: Signal | None
     signals: Sequence[Signal]
 
 
 def clocked_source(path: Path, reader: str, clocks: Sequence[SignalGroup], what: str) -> FileContent:
-    """Return the content of a file with its signals as channels, each clock (time signal) before its signals.
+    """Return the content of a file with its signals as channels, each time signal before the signals with
+    these times.
 
     Args:
         path: path of the file.
@@ -116,7 +125,7 @@ def clocked_source(path: Path, reader: str, clocks: Sequence[SignalGroup], what:
 
 
 def held(values: np.ndarray) -> Callable[[Rows], np.ndarray]:
-    """Return a function `load` for a `Signal` whose samples are in memory."""
+    """Return the function `load` of a `Signal` whose samples `values` are in memory."""
     return lambda rows: values[rows.start : rows.stop]
 
 

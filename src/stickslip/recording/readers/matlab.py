@@ -35,7 +35,9 @@ _V73_BLOCK = 512  # size in bytes of MATLAB's own header before the HDF5 content
 
 
 def read_matlab(path: Path) -> FileContent:
-    """Return the channels of a MAT file: every array of real numbers, or the signals of a dSPACE capture.
+    """Return the content of a MAT file: every array of real or complex numbers with more than one element, or
+    the signals of a dSPACE capture, as channels. Objects that cannot be read are listed as channels without
+    numbers.
 
     Raises:
         RecordingError: the file is damaged or has an unknown version, or contains no numbers.
@@ -47,7 +49,8 @@ def read_matlab(path: Path) -> FileContent:
         tree = _tree_of_hdf5(path) if hdf5 else _tree_of_v5(path)
     except (RecordingError, GateError):
         raise
-    except Exception as error:  # both libraries report damage in many ways, down to zlib.error
+    # Both libraries report damage by many types of exceptions, down to zlib.error.
+    except Exception as error:
         raise RecordingError(f"not a readable MAT file (cut off or damaged?): {error}") from error
     objects = [name for name, node in tree.items() if holds_objects(node)]
     tree |= read_objects(path, objects)
@@ -93,14 +96,14 @@ def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[ArrayChann
 def _collect(
     prefix: str, node: Any, leaves: dict[str, Leaf], clocks: dict[str, str], objects: dict[str, str]
 ) -> None:
-    """Collect the arrays in a part `node` of the tree.
+    """Collect the arrays in a part `node` of the tree into the three dictionaries.
 
     Args:
-        prefix: name of the part.
+        prefix: name of the part; "" for the whole tree.
         node: part of the tree.
         leaves: gets the arrays by name.
-        clocks: gets the name of the time array of each column of a timetable, by name.
-        objects: gets the class of each object that cannot be read, by name.
+        clocks: gets the name of the array with the times of each column of a timetable, by the column's name.
+        objects: gets the MATLAB class of each object that cannot be read, by name.
     """
     if isinstance(node, MatlabTable):
         for name in node.columns:
@@ -114,13 +117,14 @@ def _collect(
             _collect(f"{prefix}({i + 1})", value, leaves, clocks, objects)
     elif isinstance(node, Opaque):
         objects[prefix] = node.of
-    elif isinstance(node, Leaf) and np.prod(node.shape) > 1:  # a single number is a setting, not a signal
+    # A single number is a setting, not a signal.
+    elif isinstance(node, Leaf) and np.prod(node.shape) > 1:
         leaves[prefix] = node
 
 
 def matlab_name(part: ArrayChannel) -> str:
-    """Return the name of a channel in MATLAB's notation, such as "trace_y(2,:)"; the only channel of an array
-    has the name of the array."""
+    """Return the name of a channel in MATLAB's notation, such as "trace_y(2,:)". If the array has no other
+    channel, this is the name of the array."""
     if part.alone:
         return part.array
     subscripts = (text if text == ":" else str(int(text) + 1) for text in part.subscripts)
@@ -143,7 +147,8 @@ def _v5_node(value: Any) -> Any:
     if isinstance(value, scipy.io.matlab.MatlabOpaque):
         return Opaque(str(value["s2"].flat[0], "utf-8", "replace"))
     if not isinstance(value, np.ndarray) or isinstance(value, scipy.io.matlab.MatlabFunction):
-        return None  # sparse matrices and functions are not read
+        # Sparse matrices and functions are not read.
+        return None
     if value.dtype.names:
         names = value.dtype.names
         elements = [{name: _v5_node(element[name]) for name in names} for element in value.flat]
@@ -174,8 +179,8 @@ def _hdf5_node(tree: Hdf5Tree, visits: Visits, item: Hdf5Group | Hdf5Array, dept
         return Opaque(of)
     if isinstance(item, Hdf5Group):
         fields = {name: _hdf5_node(tree, visits, one, depth + 1) for name, one in item.members.items()}
-        # MATLAB writes an array of structures field by field, each field as a list of references without the
-        # mark of a cell.
+        # MATLAB writes an array of structures field by field. Each field is a list of references, without the
+        # attribute that marks a cell.
         lists = [
             name
             for name, one in item.members.items()
@@ -194,7 +199,8 @@ def _hdf5_node(tree: Hdf5Tree, visits: Visits, item: Hdf5Group | Hdf5Array, dept
     last, name = len(item.shape) - 1, item.name
 
     def load(axis: int = 0, part: slice = slice(None)) -> np.ndarray:
-        return read_hdf5_array(tree.path, name, last - axis, part).T  # MATLAB stores column by column
+        # MATLAB stores arrays column by column, so the axes in the HDF5 file are reversed.
+        return read_hdf5_array(tree.path, name, last - axis, part).T
 
     return Leaf(item.shape[::-1], load, item.kind == "c", load_part=load)
 
@@ -204,7 +210,8 @@ def _is_matlab(head: bytes, ending: str) -> bool:
         return True
     if ending != ".mat":
         return False
-    # Other programs write MAT 7.3 without MATLAB's block; version 4 has no signature.
+    # Other programs write MAT 7.3 without MATLAB's block, and version 4 has no signature, so the extension
+    # decides.
     text = b"\0" not in head or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     others = (b"\x93NUMPY", b"PK\x03\x04", b"MDF     ", b"UnFinMF ")
     return head.startswith(HDF5_SIGNATURE) or not (text or head.startswith(others))

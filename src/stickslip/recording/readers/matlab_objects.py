@@ -24,21 +24,22 @@ FUNCTION = "function_handle"
 
 
 class Opaque(NamedTuple):
-    """An object that cannot be read; `of` is the name of its MATLAB class."""
+    """A MATLAB object that cannot be read; `of` is the name of its class."""
 
     of: str
 
 
 class MatlabTable(NamedTuple):
-    """Columns of a timetable by name, and the name of its time column."""
+    """A MATLAB timetable: its `columns` (arrays) by name, and `time`, the name of the column with the
+    times."""
 
     columns: dict[str, Any]
     time: str
 
 
 def not_read(name: str, of: str) -> str:
-    """Return a sentence that an object is not read, with advice how to read its numbers; `of` is its
-    class."""
+    """Return a sentence that the object with the name `name` is not read, with advice on how to read its
+    numbers; `of` is the name of its MATLAB class."""
     variable = name.partition(".")[0].partition("(")[0]
     by_library = "" if _library() else " pip install 'stickslip[matlab]' (mat-io), or"
     return (
@@ -48,14 +49,16 @@ def not_read(name: str, of: str) -> str:
 
 
 def shown(name: str, of: str) -> str:
-    """Return the text for an object of the class `of` that cannot be read, for a list of channels."""
+    """Return the text for an object of the MATLAB class `of` that cannot be read, for a list of channels:
+    "name (class of MATLAB)"."""
     return f"{name} ({of} of MATLAB{'' if _library() else ', needs stickslip[matlab]'})"
 
 
 def _library() -> Any:
     """Return the module mat-io; None if it is not installed."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # warnings on options of pandas
+        # mat-io warns of options of pandas, which do not concern the user.
+        warnings.simplefilter("ignore")
         try:
             return import_module("matio")
         except ImportError:
@@ -80,14 +83,15 @@ def read_objects(path: Path, names: Sequence[str]) -> dict[str, Any]:
     if matio is None:
         return {}
     with read_by_library("MAT file with objects"), opened(path) as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # warnings on formats of dates and time zones
+        # mat-io warns of formats of dates and time zones, which do not concern the user.
+        warnings.simplefilter("ignore")
         found = matio.load_from_mat(name_of(file), variable_names=list(names), add_table_attrs=True)
         return {name: _node(found[name]) for name in names if name in found}
 
 
 def _node(value: Any) -> Any:
-    """Return a value read by mat-io as a part of the tree: a dictionary, list, text, `MatlabTable`, `Leaf` or
-    `Opaque`; None if it has no numbers or text."""
+    """Return a value read by mat-io as a part of the tree of a MAT file: a dictionary, list, text,
+    `MatlabTable`, `Leaf` or `Opaque`; None if it has no numbers or text."""
     if hasattr(value, "columns"):
         return _table(value)
     if isinstance(value, Mapping):
@@ -98,7 +102,8 @@ def _node(value: Any) -> Any:
     if not isinstance(value, np.ndarray):
         return None if of is None else Opaque(str(of))
     if value.dtype.names:
-        if value.dtype[0].kind == "m":  # a calendarDuration (months and days) has no fixed length in seconds
+        # A calendarDuration (months and days) has no fixed length in seconds.
+        if value.dtype[0].kind == "m":
             return None
         elements = [{name: _node(one[name]) for name in value.dtype.names} for one in value.flat]
         return elements[0] if len(elements) == 1 else elements
@@ -109,8 +114,8 @@ def _node(value: Any) -> Any:
 
 
 def _leaf(values: np.ndarray, unit: str) -> Leaf | None:
-    """Return numbers, durations [s] or dates (s since the first of them) as a `Leaf`; None for other
-    values."""
+    """Return an array of numbers, durations [s] or dates (s since the whole second of the first one) as a
+    `Leaf`; None for other arrays. `unit` is the unit of numbers."""
     kind, epoch = values.dtype.kind, 0.0
     if kind == "m":
         years = np.datetime_data(values.dtype)[0] == "Y"
@@ -126,8 +131,8 @@ def _leaf(values: np.ndarray, unit: str) -> Leaf | None:
 
 
 def _table(frame: Any) -> Any:
-    """Return the columns of a table by name, or a timetable as a `MatlabTable`, with the times of its rows as
-    a further column."""
+    """Return the columns of a table (a pandas data frame) by name, or a timetable as a `MatlabTable`, with
+    the times of its rows as a further column."""
     units = frame.attrs.get("VariableUnits", frame.attrs.get("varUnits", []))
     units = dict(zip(frame.columns, units, strict=False)) if len(units) == len(frame.columns) else {}
     columns: dict[str, Any] = {

@@ -14,14 +14,15 @@ from ...gate.mdf import check_mdf
 from .. import RecordingError
 from .source import FileChannel, FileContent, Rows, add_format
 
-_NUMBERS = range(6)  # codes of the standard for data types of numbers: integers and reals of both byte orders
-_FORMULA = 3  # type of a conversion by a formula, which is text in the file
+# Codes of the standard for data types that are numbers: integers and reals of both byte orders.
+_NUMBERS = range(6)
+_FORMULA = 3  # type of a conversion by a formula, which is a text in the file
 _TEXTS = range(7, 12)  # types of conversions whose result is text
 
 
 class _Place(NamedTuple):
-    """Place of a channel in its file: index of the group, index of the channel in the group, and `master`,
-    True if the channel is the group's time."""
+    """Place of a channel in its file: index of the group, index of the channel in this group, and `master`,
+    True if the channel contains the group's times."""
 
     group: int
     channel: int
@@ -29,7 +30,8 @@ class _Place(NamedTuple):
 
 
 def read_mdf(path: Path) -> FileContent:
-    """Return the channels of an MDF 4 file; each group's own time is the clock of its channels.
+    """Return the content of an MDF 4 file: its channels, of which each group's own time channel is the clock
+    of the others.
 
     Raises:
         RecordingError: asammdf is not installed, the file is damaged, of version 3, or has no samples.
@@ -59,7 +61,8 @@ def _opened(path: Path) -> Any:
     try:
         with opened(path) as plain:
             file = MDF(name_of(plain))
-    except Exception as error:  # asammdf raises its own exceptions and those of other libraries
+    # asammdf raises its own exceptions and those of other libraries.
+    except Exception as error:
         raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
     return file
 
@@ -112,8 +115,8 @@ def _read(
 
 
 def _refuse_formula(conversion: Any, name: str) -> None:
-    """Raise RecordingError for a channel that the library would compute by a formula in the file, because it
-    would execute this text as a program."""
+    """Raise RecordingError for a channel with the name `name` that the library would compute by a formula in
+    the file, because the library would execute this text as a program."""
     if conversion is None:
         return
     if conversion.conversion_type == _FORMULA:

@@ -12,7 +12,8 @@ from .. import RecordingError
 from .arrays import Leaf, array_parts, array_source, real_leaves, subscripted, total_bytes
 from .source import FileChannel, FileContent, add_format
 
-_NAME_LENGTH, _NAME = 26, 30  # byte offsets, in a ZIP archive, of the first entry's name and of its length
+# Byte offsets, in a ZIP archive, of the length of the first entry's name, and of this name.
+_NAME_LENGTH, _NAME = 26, 30
 
 
 def read_npy(path: Path) -> FileContent:
@@ -34,7 +35,7 @@ def read_npz(path: Path) -> FileContent:
     """Return the channels of a .npz file; ("name", 3) is the fourth column of a two-dimensional array.
 
     Raises:
-        RecordingError: the file is damaged or contains objects.
+        RecordingError: the file is damaged, or contains objects, an empty array, or no arrays.
     """
     arrays = gate.read_npz(path)
     if not arrays:
@@ -61,7 +62,8 @@ def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> FileContent:
 
 
 def _is_npz(head: bytes, ending: str) -> bool:
-    """Return True if a ZIP archive is an NPZ file, judged by its name or its first entry."""
+    """Return True if a ZIP archive is an NPZ file, judged by its extension `ending` or by the name of its
+    first entry. `head` are its first bytes."""
     name = int.from_bytes(head[_NAME_LENGTH : _NAME_LENGTH + 2], "little")
     first = head[_NAME : _NAME + name]
     return head.startswith(b"PK\x03\x04") and (ending == ".npz" or first.endswith(b".npy"))

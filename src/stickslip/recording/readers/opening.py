@@ -16,8 +16,8 @@ from .time_columns import with_clocks
 
 
 def source_of(path: Path, kind: str, **text: Any) -> FileContent:
-    """Return the content of a file: its channels, with units from their names and clocks, and its read
-    function.
+    """Return the content of a file: its channels, with units and clocks that their names show, and the
+    function that reads them.
 
     Args:
         path: path of the file.

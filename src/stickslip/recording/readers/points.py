@@ -38,7 +38,7 @@ def read_points(
             taken to be in SI.
 
     Returns:
-        Arrays "velocity" [m/s] and "force" [N], one value for each point.
+        Dictionary of the arrays "velocity" [m/s] and "force" [N], one value for each point.
 
     Raises:
         RecordingError: a column is missing, ambiguous, or contains other numbers; the message names file and
@@ -67,8 +67,8 @@ def read_points(
 
 
 def _found(channels: tuple[FileChannel, ...]) -> dict[str, Column]:
-    """Return the indices of the columns whose names mean velocity and force, by "velocity" and "force"; one
-    with no or several such columns is left out."""
+    """Return the indices of the columns whose names mean velocity and force, by the keys "velocity" and
+    "force". A key is missing if no column or several columns have such a name."""
     result: dict[str, Column] = {}
     for name, pattern in _NAMES:
         text = [re.sub(r"[_.]+", " ", one.name).lower() for one in channels]

@@ -17,10 +17,11 @@ from .opening import source_of
 from .selection import common_clock
 from .source import FileChannel, Rows, is_clock, pointer
 
-SHOWN = 8  # number of first values of a column that are shown
+SHOWN = 8  # number of values at the start of a column that a preview contains
 MOST_COLUMNS = 200
-LOOKED_AT = 20_000  # number of samples from which ranges and units are guessed
-# Patterns of words in a column's name, and the standard name that they mean; the first match counts.
+LOOKED_AT = 20_000  # number of samples at the start of a file from which ranges and units are guessed
+# Patterns of words in a column's name, and the standard name that the column gets as a guess; the first match
+# counts.
 _MEANINGS = (
     (r"strain|elongation|stage|piezo (pos|disp)", "stage_position"),
     (r"volt|drive|\bu\b|\bhv\b|excitation|command|input", "drive_voltage"),
@@ -38,14 +39,17 @@ def look(path: Path) -> dict[str, Any]:
     """Return a description of a file that `read_recording` reads, with guesses of names and units.
 
     Returns:
-        Dictionary with the name of the reader, the number of samples (at most `LOOKED_AT`), and columns. Each
-        column has index, name, column (reference to it: name or index), numeric, first (values as in the
-        file), low, high, clock (True for a time), time (reference to its time column, if there are several;
-        otherwise ""), unit (in the file; "" without one), known (False for an unknown unit), guess (standard
-        name of such a quantity; "" for none), guessed_unit (from the range of values, if the file has none).
+        Dictionary with reader (name), samples (their number, at most `LOOKED_AT`), and columns (a list, at
+        most `MOST_COLUMNS`). Each column is a dictionary: index, name, column (reference to the column: name
+        or index), numeric, first (first values in the file's unit, 6 digits; None for NaN), low, high (range;
+        None without numbers), clock (True for a time), time (reference to the column's time column, if there
+        are several; otherwise ""), unit (in the file; "" without one), known (False for an unknown unit),
+        guess (standard name of such a quantity; "" for none), guessed_unit (from the range of values, if the
+        file has none; otherwise "").
 
     Raises:
-        RecordingError: the format is unknown, or the file is damaged or has no columns.
+        RecordingError: the format is unknown, or the file is damaged, is a recording of this package, or has
+            no columns of numbers.
     """
     kind = find_format(path)
     if kind == "nc":
@@ -62,7 +66,8 @@ def look(path: Path) -> dict[str, Any]:
         for i in range(len(source.channels[:MOST_COLUMNS]))
     ]
     taken: dict[str, str] = {}
-    for one in columns:  # each guess is used once; a column whose name is repeated in the file gets a number
+    # Each guess is used once; a column whose name is repeated in the file gets a number.
+    for one in columns:
         first = taken.setdefault(one["guess"], one["name"])
         again = [other for other in columns[: one["index"]] if other["name"] == one["name"]]
         if one["guess"] and (again or first != one["name"]):
@@ -73,8 +78,8 @@ def look(path: Path) -> dict[str, Any]:
 
 
 def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
-    """Change the guesses of a file with a voltage and a position to the standard names of the drive voltage
-    and the end-effector's position."""
+    """Change the guessed names of the columns (see `look`) in place, if they include a voltage and a
+    position: to the standard names of the drive voltage and the end-effector's position."""
     by_guess = {one["guess"]: one for one in columns}
     drive = by_guess.get("drive_voltage") or by_guess.get("voltage")
     moved = next((by_guess[name] for name in ("position", "displacement") if name in by_guess), None)
@@ -83,8 +88,8 @@ def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
 
 
 def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
-    """Change the guess of a position to "position", as on a tribometer, if the file has a friction force and
-    no drive."""
+    """Change the guessed name of a position column (see `look`) in place to "position", as on a tribometer,
+    if there is a friction force and no drive voltage."""
     by_guess = {one["guess"]: one for one in columns}
     if "friction_force" not in by_guess or "position" in by_guess or _DRIVES & by_guess.keys():
         return
@@ -94,7 +99,7 @@ def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
 
 
 def _clock(channels: Sequence[FileChannel]) -> int | None:
-    """Return the index of the time column; None without one, or if several are possible."""
+    """Return the index of the common time column; None if there is none, or if several are possible."""
     try:
         return common_clock(channels, {}, {c.name: i for i, c in enumerate(channels) if c.numeric}, {})
     except RecordingError:
@@ -154,8 +159,9 @@ def _dimension(unit: str) -> str:
 
 
 def likely_unit(name: str, values: np.ndarray) -> str:
-    """Return a probable unit for values without one: for a time from its median step, for a position from its
-    range, otherwise the SI unit of the standard name ("" if the name is "")."""
+    """Return a probable unit for values of the standard variable `name` that have no unit: for a time from
+    its median step, for a position from its range, otherwise the SI unit of the variable ("" if the name is
+    "")."""
     if name == "time":
         step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 0.0
         return "s" if step < 0.02 else "ms" if step < 20.0 else "us"

@@ -16,9 +16,9 @@ from ...quantities.units import QuantityError
 from .. import RecordingError
 from .reading import read_recording
 
-PATIENCE = 8.0  # CPU time allowed for any file, s; larger files get more
-SLOWEST = 5e6  # bytes of a file for which one further second is allowed
-# The process may use this memory, in bytes, in addition to three times the largest allowed content of a file.
+PATIENCE = 8.0  # CPU time allowed for any file, s; larger files get more time
+SLOWEST = 5e6  # number of bytes of a file for which one further second of CPU time is allowed
+# Memory, in bytes, that the process may use in addition to three times the largest allowed content of a file.
 _MARGIN = 256 * 2**20
 
 
@@ -29,7 +29,7 @@ class ReaderBusy(RecordingError):
 
 class Reader:
     """Reader of files, one after the other, in a separate process, which is killed if a file takes too long.
-    Such a file is not tried again unless it changes.
+    Such a file is not tried again unless the file changes.
 
     Args:
         modules: names of modules that the process imports at its start; see `Fence`.
@@ -41,7 +41,8 @@ class Reader:
     def __call__(self, path: str | os.PathLike[str], use: Callable[[Any], Any] | None = None) -> Any:
         """Return the recording in a file or, with `use`, the result of this function for the recording.
 
-        `use` must be a function of a module, because it is sent to the other process.
+        `use` is called with the recording in the other process, so it must be a function at the top of a
+        module.
 
         Raises:
             RecordingError: the file cannot be read, or not within the time and memory allowed for its size.
@@ -50,9 +51,11 @@ class Reader:
         return self.apply(partial(_recorded, use=use), path)
 
     def apply(self, act: Callable[[Path], Any], path: str | os.PathLike[str]) -> Any:
-        """Return the result, computed in the other process, of the function `act` for the path of any file.
+        """Return the result of the function `act`, which is called with the path of any file in the other
+        process.
 
-        `act` must be a function of a module, or a partial of one. Errors are as for a call of the reader.
+        `act` must be a function at the top of a module, or a partial of one. Errors are as for a call of the
+        reader.
         """
         path = Path(path)
         try:
@@ -66,14 +69,21 @@ class Reader:
             raise RecordingError(str(error) or type(error).__name__) from None
 
     def within_limits(self, act: Callable[[Path], Any], path: Path) -> Any:
-        """Return the result of the function `act` for a path, within time and memory limits that grow with
-        the file's size; errors are those of `Fence`."""
+        """Return the result of the function `act` for a path, within limits of CPU time and memory that grow
+        with the file's size.
+
+        Raises:
+            GateError: the function exceeded a limit, or crashed the process.
+            GateBusy: the file was not read for a reason outside the file.
+        """
         computing = PATIENCE + path.stat().st_size / SLOWEST
         return self._fence(act, path, computing, 3 * allowed_bytes(path) + _MARGIN)
 
     def start(self) -> None:
-        """Start the process, so that the first file does not wait for the start."""
-        with suppress(GateBusy):  # reading the first file starts the process again
+        """Start the separate process, so that the first file does not wait for the start; a busy machine is
+        ignored."""
+        # Reading the first file starts the process again.
+        with suppress(GateBusy):
             self._fence.start()
 
     def close(self) -> None:

@@ -7,19 +7,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-LARGE = 100_000_000  # size in bytes from which a file gets a bar; reading it takes about a second
+LARGE = 100_000_000  # size in bytes from which a file gets a progress bar; reading it takes about a second
 
 
 @contextmanager
 def reading_progress(path: Path) -> Iterator[Callable[[int], None]]:
-    """Provide a function that takes the number of bytes read so far and updates a progress bar; it does
-    nothing for small files, without a terminal, or without the package rich."""
+    """Provide a progress bar for the block: a function that takes the number of bytes read so far. The
+    function does nothing for small files, without a terminal, or without the package rich."""
     size = path.stat().st_size
     if size < LARGE or not sys.stderr.isatty():
         yield lambda position: None
         return
     try:
-        from rich.console import Console  # comes with the command line, not needed for reading
+        # rich comes with the command line, and is not needed for reading.
+        from rich.console import Console
         from rich.progress import (
             BarColumn,
             DownloadColumn,
