@@ -135,6 +135,10 @@ def test_design(run: Callable) -> None:
     built = names["built"]
     assert built.value > 1.3 * built.given_value
     assert built.load * KANG.friction.coulomb_force >= 0.5
+
+
+def test_plan(run: Callable) -> None:
+    names = run("plan.md")
     assert names["plan"].table["narrower"].min() > 10.0
     assert len(names["recorded"]) == len(names["plan"].recordings)
 

@@ -19,7 +19,7 @@ from .wired import CAPTURE, DRIVE, LIMITS
 
 def written(name: str) -> str:
     """A program of the documentation."""
-    text = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "add-device.md").read_text(encoding="utf-8")
     (code,) = re.findall(rf"```python\n# {re.escape(name)}\n(.*?)```", text, re.DOTALL)
     return code
 

@@ -1,4 +1,4 @@
-"""The page docs/contact.md: its programs run, and find what it says."""
+"""The pages docs/contact.md and docs/compare-contacts.md: their programs run, and find what the pages say."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ import stickslip as ss
 from identify.stops import tribometer
 from stickslip.physics.contact import ball_prior, load_pair, of_loop
 
-PAGE = (Path(__file__).resolve().parents[3] / "docs" / "contact.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+PAGE = "".join((DOCS / name).read_text(encoding="utf-8") for name in ("contact.md", "compare-contacts.md"))
 
 
 @pytest.fixture(scope="module")
