@@ -1,4 +1,4 @@
-"""Twins of controllers: simulated devices, served by a maker's protocol, that move our simulated stages.
+"""Twins of controllers: simulated devices that answer in a maker's protocol and move simulated stages.
 
 Unmodified drivers of the controllers move the stages (`tests/twins`). The module docstring of each twin, in
 `rig/devices`, lists its assumptions beyond the behaviour that these drivers show.

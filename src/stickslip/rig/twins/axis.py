@@ -12,15 +12,17 @@ import numpy as np
 from ..protocols import Array
 from .stage import Path, Piece, Stage
 
-FLANK = 50e-6  # duration of a step's fast edge (slip), s; at most a tenth of the step's period
-CHUNK = 0.02  # duration of the steps that are simulated as one piece, s
-_RAMP = 0.1  # longest piece of a ramp, s
-_POINTS = 8  # number of path samples on the slow edge of a step
-_SLOWEST = 0.1  # s of computing for one command; beyond it the motion is delayed, so that the answer is not
+FLANK = 50e-6  # duration of a step's fast edge (slip), s; at high step rates a tenth of the step's period
+CHUNK = 0.02  # duration of the steps that are simulated as one piece, s; at least one step
+_RAMP = 0.1  # longest duration of one piece of a ramp, s
+_POINTS = 8  # number of times on the slow edge of a step at which positions are computed
+# Computing time, s, after which a command stops to simulate pieces that are due. Their motion is delayed
+# then, and the answer to the command is not.
+_SLOWEST = 0.1
 
 
 class Clock(Protocol):
-    """Clock of the motions, in s; a test may use one of its own, which need not wait."""
+    """Clock of the motions, in s. A test may use a clock of its own whose `sleep` does not really wait."""
 
     def now(self) -> float:
         """Return the time since any fixed moment, s."""
@@ -39,7 +41,7 @@ class WallClock:
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait for some seconds."""
+        """Wait for some seconds of real time."""
         time.sleep(seconds)
 
 
@@ -49,7 +51,7 @@ class Axis:
     Args:
         stage: the stage of the axis.
         clock: clock of the motions.
-        heard: function that is called with the path of every simulated piece.
+        heard: function that is called with the `Path` of every simulated piece; by default none.
 
     A motion depends only on its pieces, not on the times of queries. If the computer is too slow, the motion
     is delayed. A stop takes effect at the end of the present piece.
@@ -63,11 +65,11 @@ class Axis:
         self._begin = self._end = clock.now()
 
     def begin(self, pieces: Iterator[Piece], forever: bool = False) -> None:
-        """Start a motion after the present piece. It replaces the rest of an earlier motion.
+        """Start a motion at the end of the present piece. It replaces the rest of an earlier motion.
 
         Args:
             pieces: pieces of drive, which are taken one by one when they are due.
-            forever: the motion has no end, as `Axis.forever` reports.
+            forever: True if the motion has no end; the property `forever` reports this value.
         """
         self.advance()
         self._pieces, self._forever = pieces, forever
@@ -79,7 +81,7 @@ class Axis:
 
     @property
     def moving(self) -> bool:
-        """Return True while a motion is in progress."""
+        """Return True while a motion is in progress, at the present time of the clock."""
         self.advance()
         return self._pieces is not None or self._path is not None
 
@@ -90,7 +92,8 @@ class Axis:
 
     def advance(self) -> float:
         """Simulate up to the present time: all pieces that have started and, after the last one, the constant
-        voltage. Return the present time, s."""
+        voltage. If this takes longer than `_SLOWEST`, later pieces are delayed. Return the present time, s of
+        the clock."""
         now, began = self._clock.now(), time.monotonic()
         while self._end <= now:
             piece = next(self._pieces, None) if self._pieces is not None else None
@@ -105,12 +108,12 @@ class Axis:
             if self._heard is not None:
                 self._heard(self._path)
             if self._end <= now and time.monotonic() - began > _SLOWEST:
-                self._end = now  # the next piece starts now instead of when it was due
+                self._end = now  # the next piece starts now, although it was due earlier
                 break
         return now
 
     def state(self) -> tuple[float, float, float]:
-        """Return the present voltage, V, and the present positions of stage and end-effector, m."""
+        """Return the present voltage [V] and the positions of stage and end-effector [m], in this order."""
         now = self.advance()
         if self._path is None:
             return self.stage.voltage, self.stage.elongation, self.stage.position
@@ -129,13 +132,15 @@ def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
 def steps(
     stage: Stage, count: int | None, amplitude: float, frequency: float, base: float = 0.0
 ) -> Iterator[Piece]:
-    """Yield sawtooth steps of drive from `base` to `base + amplitude`, V, in pieces of one step or 0.02 s.
+    """Yield sawtooth steps of drive from `base` to `base + amplitude`, V, in pieces of `CHUNK` s.
+
+    Steps upwards rise slowly and fall within `FLANK`; steps downwards rise fast and fall slowly.
 
     Args:
-        stage: stage that plays the steps; a ramp from its present voltage to `base` comes first.
-        count: number of steps, upwards if positive; None: endless.
+        stage: stage that plays the steps; a ramp of 10 ms from its present voltage to `base` comes first.
+        count: number of steps, negative for steps downwards; None for endless steps.
         amplitude: voltage of the sawtooth, V; it may be negative.
-        frequency: steps/s; endless steps go down if it is negative.
+        frequency: step rate, steps/s; for endless steps a negative one means downwards.
         base: voltage between two steps, V.
     """
     up = frequency > 0.0 if count is None else count > 0

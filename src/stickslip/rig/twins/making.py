@@ -26,13 +26,15 @@ def make_twin(
     seed: int = 0,
     clock: Clock | None = None,
 ) -> Any:
-    """Return a twin (simulated device) for a `TwinServer`; "scpi" gives a tuple, generator and oscilloscope.
+    """Return a twin (simulated device), which a `TwinServer` can serve.
+
+    The twin "scpi" is a tuple of two, generator and oscilloscope; each needs a server of its own.
 
     Args:
-        name: a name in `registry.twins`.
+        name: a name in `registry.twins`, such as "anc300".
         actuator: actuator of each axis; each axis has its own random sequence.
         axes: number of axes, up to 4; some twins use only the first.
-        travel: m, from end stop to end stop.
+        travel: distance from end stop to end stop, m.
         variation: random variation of the contact from piece to piece of the motion.
         irregularity: irregularity of steps and end stops, and the temperature; none by default.
         seed: seed of variation, irregularity, noise and initial positions.

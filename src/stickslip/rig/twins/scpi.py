@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from .server import HangUp
 
-LONGEST = 4_000_000  # largest number of bytes of a message or of a block in it
+LONGEST = 4_000_000  # largest number of bytes of a message, or of a block in it; more end the connection
 _VOWELS = "AEIOU"
 
 Command = Callable[[list[str], bytes], str | bytes | None]
@@ -28,14 +28,16 @@ class ScpiDevice:
     """A simulated instrument, which executes SCPI messages by its table `commands`.
 
     The table has a function for each header in short form, such as "CHAN:RANG?". The function gets a list of
-    texts (suffix of the header, then the arguments) and the binary block. It returns the answer, or None.
+    texts (suffix of the header, then the arguments) and the binary block. It returns the answer as text or
+    bytes, or None for no answer, and raises ScpiError if it refuses. `queue` contains number and text of the
+    last 20 errors.
 
     Args:
         identity: the answer to ``*IDN?``.
-        errors: the query that removes the oldest error from the queue; for Tektronix the query of events.
+        errors: the query that returns the oldest error and removes it from the queue.
     """
 
-    end = b"\n"  # end of each answer
+    end = b"\n"  # bytes that end each answer
 
     def __init__(self, identity: str, errors: str = "SYST:ERR?") -> None:
         self.identity, self.lock = identity, threading.RLock()
@@ -54,9 +56,9 @@ class ScpiDevice:
         return ScpiSession(self)
 
     def execute(self, text: str, block: bytes = b"") -> bytes:
-        """Execute the commands of a message and return their answers, joined by ";"; empty without answers.
+        """Execute the commands of a message; return their answers, joined by ";", with the line end.
 
-        Errors are added to the error queue.
+        The result is b"" without an answer. Errors are added to the error queue, not raised.
 
         Args:
             text: commands, separated by ";".
@@ -91,7 +93,7 @@ class ScpiDevice:
 
 
 class ScpiSession:
-    """A connection that splits the received bytes into messages."""
+    """One connection to `device`, which splits the received bytes into SCPI messages."""
 
     greeting = b""
 
@@ -114,8 +116,8 @@ class ScpiSession:
         return made
 
     def _message(self) -> tuple[bytes, bytes] | None:
-        """Remove the next complete message from the received bytes and return its text and its block (empty
-        if it has none); None if no message is complete."""
+        """Remove the next complete message from the received bytes; return its text and its block (b"" if it
+        has none), or None if no message is complete. HangUp if the block is too long."""
         end = self._rest.find(b"\n")
         mark = self._rest.find(b"#", 0, end if end >= 0 else None)
         if mark >= 0 and self._rest[mark + 1 : mark + 2].isdigit():
@@ -140,15 +142,16 @@ class ScpiSession:
 
 
 def shortened(header: str) -> tuple[str, int]:
-    """Return a header in SCPI's short form without its numeric suffix, and the suffix.
+    """Return a header in SCPI's short form without numeric suffixes, and its suffix.
 
-    For example, ":CHANnel2:RANGe?" gives "CHAN:RANG?" and 2. A missing suffix is 1.
+    For example, ":CHANnel2:RANGe?" gives "CHAN:RANG?" and 2. Without a suffix, 1 is returned; of several
+    suffixes, the last one.
     """
     query = "?" if header.endswith("?") else ""
     words, suffix = [], 1
     for word in header.upper().strip(":?").split(":"):
         letters = word.rstrip("0123456789")
-        if letters == "DAC":  # the number in DAC16 is part of the keyword, not a suffix
+        if letters == "DAC":  # the number in the keyword DAC16 is no suffix
             letters = word
         elif word != letters:
             suffix = int(word[len(letters) :][:6])
@@ -162,7 +165,7 @@ def number(text: str, low: float = -math.inf, high: float = math.inf) -> float:
     """Return the number in a text.
 
     Raises:
-        ScpiError: the text is no number, or the number is not within `low` to `high`.
+        ScpiError: the text is no number, or the number is not finite or not within `low` to `high`.
     """
     try:
         value = float(text)

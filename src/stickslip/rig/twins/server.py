@@ -15,16 +15,16 @@ from typing import Any, Protocol, Self
 from ...quantities.units import QuantityError
 from ..protocols import RigError
 
-IDLE = 600.0  # time after which a program that sends nothing is disconnected, s
+IDLE = 600.0  # time without data after which a twin disconnects the program, s
 _POLL = 0.05  # pause between two queries of a twin for unsolicited messages, s
 
 
 class HangUp(Exception):
-    """Request of a twin to end the connection, because received data are not valid or the session is over."""
+    """Exception by which a twin requests the end of the connection, because received data are not valid."""
 
 
 class Session(Protocol):
-    """One connection to a twin; `greeting` is the device's first message.
+    """One connection to a twin; `greeting` is the first message of the device, b"" without one.
 
     If the device sends unsolicited messages, its session also has a method `unasked()`, which returns the
     bytes of the messages that are due.
@@ -33,7 +33,9 @@ class Session(Protocol):
     greeting: bytes
 
     def feed(self, data: bytes) -> bytes:
-        """Take received bytes, in pieces of any length, and return the answers to complete messages.
+        """Take received bytes, in pieces of any length; return the answers to all messages that are complete.
+
+        The result is b"" without an answer.
 
         Raises:
             HangUp: the server must end the connection.
@@ -49,7 +51,7 @@ class Twin(Protocol):
         ...
 
     def leave(self) -> None:
-        """React to the end of the program's connection: stop at least the motions that have no end."""
+        """React to the end of the program's connection, such as by stopping motions that have no end."""
         ...
 
 
@@ -58,7 +60,7 @@ class TwinServer(socketserver.ThreadingTCPServer):
 
     Args:
         twin: the simulated device.
-        host: address to bind to; only this machine can reach the loopback address.
+        host: address at which the server listens; by default only programs of this machine can reach it.
         port: TCP port; 0 takes a free one.
     """
 
@@ -76,8 +78,11 @@ class _Connection(socketserver.BaseRequestHandler):
     request: Any
 
     def handle(self) -> None:
-        """Answer the program until it disconnects. The connection of a second program is closed after 1 s."""
-        if not self.server.held.acquire(timeout=1.0):  # the previous program may be about to disconnect
+        """Answer the program until it disconnects, or until the twin ends the connection.
+
+        If another program is still connected after 1 s, this connection is closed without an answer.
+        """
+        if not self.server.held.acquire(timeout=1.0):  # wait for the previous program to disconnect
             return
         try:
             with suppress(OSError, HangUp, RigError):
@@ -91,9 +96,9 @@ class _Connection(socketserver.BaseRequestHandler):
             self.server.held.release()
 
     def _answer(self, session: Session) -> bytes | None:
-        """Wait for data or an unsolicited message, and return the bytes to send.
+        """Wait for data or an unsolicited message of the twin, and return the bytes to send.
 
-        None means that the program has disconnected, or has sent nothing for `IDLE` s.
+        The result is None if the program has disconnected, or nothing has happened for `IDLE` s.
         """
         unasked = getattr(session, "unasked", None)
         pause = IDLE if unasked is None else _POLL
@@ -110,7 +115,8 @@ class TwinTerminal:
     """Server of a twin on a pseudo terminal, which a program opens as a serial port; `where` is its path.
 
     As on a serial line, the device does not notice who opens and closes the port, so closing the port stops
-    no motion. Invalid data are discarded. POSIX only.
+    no motion. Invalid data are discarded. POSIX only. QuantityError if `twin` has no serial port (no method
+    `serial_session`).
     """
 
     def __init__(self, twin: Twin) -> None:
@@ -125,7 +131,8 @@ class TwinTerminal:
         self.where = os.ttyname(self._theirs)
 
     def serve_forever(self, poll_interval: float = 0.1) -> None:
-        """Answer the data on the port until `shutdown` is called; `poll_interval` [s] is the longest wait."""
+        """Answer the data on the port until `shutdown` is called, which is noticed after `poll_interval`
+        s."""
         session = self._session()
         while not self._ended.is_set():
             try:
@@ -151,16 +158,19 @@ class TwinTerminal:
 
 
 class Lines:
-    """Splitter of received bytes into lines, which end with CR, LF, CR LF or telnet's CR NUL."""
+    """Splitter of received bytes into lines, which end with CR, LF, CR LF or telnet's CR NUL.
+
+    `longest` is the largest number of bytes of a line.
+    """
 
     def __init__(self, longest: int = 65536) -> None:
         self._rest, self._longest, self._after_cr = b"", longest, False
 
     def feed(self, data: bytes) -> list[str]:
-        """Return the lines that are complete after these received bytes, without their ends.
+        """Return the lines that these received bytes complete, as texts without their line ends.
 
         Raises:
-            HangUp: a line is too long.
+            HangUp: a line is longer than `longest`.
         """
         data = data.replace(b"\x00", b"")
         if not data:

@@ -31,15 +31,16 @@ from ..variation import Repeats, Variation
 # Variation of the contact from stroke to stroke as measured on a tribometer (docs/decisions/rig.md).
 MEASURED = Variation(friction=0.004, drift=0.012, drift_runs=15, stiffness=0.02)
 _SETTLED = 0.05  # time after a motion in which vibrations decay, so that only creep is left, s
-_PIECES = 10_000  # number of pieces after which the variation of the contact repeats
-_TOLERANCE = 1e-9  # error tolerance of the simulated positions, m
+_PIECES = 10_000  # number of pieces after which the random variation of the contact starts again
+_TOLERANCE = 1e-9  # greatest error of the simulated positions, m
 _MOST_STEPS = 2_000_000  # largest number of the solver's integration steps for one piece
 
 
 class Piece(NamedTuple):
     """A piece of drive: straight lines from the present voltage through `volts` [n], V, at `times` [n].
 
-    `samples` are the times at which positions are computed. All times are in s from the start of the piece.
+    `samples` are the times at which positions are computed. All times are in s from the start of the piece;
+    the last one is its end.
     """
 
     times: Array
@@ -66,13 +67,17 @@ class Stage:
 
     Args:
         actuator: the actuator; its voltage range is not checked here, which is the controller's task.
-        travel: m, from end stop to end stop; positions are measured from the middle.
+        travel: distance from end stop to end stop, m; positions are measured from the middle.
         variation: random variation of the contact from piece to piece.
         irregularity: irregularity of steps and end stops, and the temperature; none by default.
         seed: seed of variation, irregularity and initial position.
 
-    At an end stop the end-effector stops, apart from the elastic yield of the stop, and the stage slips below
-    it.
+    The end-effector starts at rest in the middle half of the travel. An end stop stops the end-effector,
+    apart from the elastic yield of the stop, while the stage moves on below. `voltage` [V], `elongation`
+    (position of the stage, m) and `position` (of the end-effector, m) are the state after the last piece.
+
+    Raises:
+        QuantityError: the travel is not positive, the actuator is clamped, or its piezo keeps no state.
     """
 
     def __init__(
@@ -136,7 +141,8 @@ class Stage:
             slid = path - moved.samples[:, STAGE] - self._away
             path = path + (self._slips.follow(slid, seconds) - offset)
         path = beyond_end(self.position, path, self.end, self._give)
-        # Displacement by end stops and irregular slips, which the equations of motion do not contain.
+        # Displacement of the end-effector by end stops and irregular slips, which the equations of motion do
+        # not contain, m.
         self._away += float(path[-1]) - x
         self.stop_met = int(np.sign(path[-1])) if abs(path[-1]) >= self.end else 0
         x, s = float(path[-1]), 0.0 if self.stop_met else s
@@ -150,7 +156,7 @@ class Stage:
         )
 
     def rest(self, seconds: float) -> None:
-        """Simulate a constant voltage for some seconds: decaying vibrations, then creep alone."""
+        """Simulate the present voltage for some seconds: decaying vibrations for `_SETTLED` s, then creep."""
         settling = min(seconds, _SETTLED)
         if settling > 0.0:
             self.play(Piece(np.array([settling]), np.array([self.voltage]), np.array([settling])))
@@ -167,10 +173,10 @@ class Stage:
             self.elongation += moved
             self._state = self._state._replace(stage_position=self.elongation)
             self._shift(moved)
-            self._away -= moved  # the end-effector moved with the stage, so it did not slip
+            self._away -= moved  # no slip: the end-effector has moved with the stage
 
     def _shift(self, way: float) -> None:
-        """Displace the end-effector at rest by `way` [m], limited by the end stops."""
+        """Displace the end-effector by `way` [m], limited by the end stops, without simulating its motion."""
         x = float(beyond_end(self.position, np.array([self.position + way]), self.end, self._give)[0])
         self._away += x - self.position
         self._state = self._state._replace(end_effector_position=x)

@@ -12,7 +12,7 @@ from ...positioner import Ranges
 from ...protocols import About, RigError
 
 PORT = 7230
-_BAUD = 38400  # bits/s of the serial port
+_BAUD = 38400  # data rate of the serial port, bits/s
 _MOST_AXES = 7
 _STOPPING = (("stop", ""), ("setm", " gnd"))
 
@@ -20,13 +20,13 @@ _STOPPING = (("stop", ""), ("setm", " gnd"))
 class Anc300Client:
     """Client of an ANC300 controller, with the methods of `Positioner`.
 
-    Its axes are its modules, numbered from 1. It has no position sensor.
+    Its axes are its modules, numbered from 1. It has no position sensor; the client counts steps.
 
     Args:
         host: address, or serial port such as /dev/ttyACM0.
         port: TCP port of the console; None for a serial port, which needs no password.
         password: password of the console on TCP.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Raises:
         RigError: nobody answers there, or the password is wrong.
@@ -68,8 +68,11 @@ class Anc300Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start `count` open-loop steps of this amplitude [V] and step rate [Hz]; a negative count is
-        downwards."""
+        """Start `count` open-loop steps and return at once; a negative count is downwards.
+
+        `voltage` is the amplitude [V], `frequency` the step rate [Hz]. Raises QuantityError for a value
+        outside `ranges`, and RigError if the controller refuses.
+        """
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         if not count:
@@ -81,7 +84,7 @@ class Anc300Client:
         self._counted[axis] = self._counted.get(axis, 0) + count
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Put out a constant voltage, V, on an axis. Only modules with an offset voltage can do so."""
+        """Put out a constant voltage, V, on an axis. RigError for a module without an offset voltage."""
         voltage = to_si(voltage, "V", "voltage")
         self.ranges.check(axis, voltage=voltage)
         self._ask(f"setm {axis} off")
@@ -103,7 +106,7 @@ class Anc300Client:
         return float(self._counted.get(axis, 0))
 
     def stop(self) -> None:
-        """Stop all motions and ground the axes."""
+        """Stop all motions and ground the axes; a broken connection is opened again for this purpose."""
         self._line.insist(self._ground, self._begin)
 
     def close(self) -> None:
@@ -151,10 +154,10 @@ class Anc300Client:
         return self._said(command)
 
     def _said(self, command: str) -> str:
-        """Return the lines of the answer to a sent command, up to the line OK.
+        """Return the answer to a command that was sent: its lines before OK, joined by line ends.
 
         Raises:
-            RigError: the answer ends with ERROR; the message contains its lines.
+            RigError: the answer ends with ERROR (the message contains its lines), is late or does not end.
         """
         asked = command.encode("latin-1")
         lines: list[str] = []

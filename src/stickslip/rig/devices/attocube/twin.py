@@ -1,9 +1,9 @@
 """Twin (simulated device) of attocube's ANC300: its console on TCP, with stepping modules (ANM300) and no
 position sensor.
 
-Made from the commands and answers in the drivers of pymeasure, pylablib, QCoDeS and EPICS. Assumed: the texts
-of errors, the time for grounding (1 ms), the prompt "> " (while lines are echoed). Step patterns other than
-the maker's ramp are refused. Triggers, external inputs and filters are stored without effect.
+Written after the commands and answers in the drivers of pymeasure, pylablib, QCoDeS and EPICS. Assumed: the
+texts of errors, the time for grounding (1 ms), the prompt "> " (while lines are echoed). Step patterns other
+than the maker's ramp are refused. Triggers, external inputs and filters are stored without effect.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _UP, _DOWN = tuple(range(256)), tuple(range(255, -1, -1))
 
 @record
 class Settings(NamedTuple):
-    """Settings of the steps of one axis: step rate, amplitude, and constant offset voltage."""
+    """Settings of the output of one axis: step rate and amplitude of its steps, constant offset voltage."""
 
     frequency: Annotated[float, Quantity("Hz", "f", "step rate", minimum=1, maximum=10_000)] = 200.0
     amplitude: Annotated[float, Quantity("V", "V", "amplitude of the steps", minimum=0, maximum=150)] = 30.0
@@ -49,7 +49,7 @@ _SWITCHES = {
     "td": ("trigger", "off"),
     "fil": ("filter", "off"),
 }
-_FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # filter in the command -> filter in the answer
+_FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # cutoff of the filter in a command: in answers
 
 
 class ConsoleError(Exception):
@@ -57,7 +57,11 @@ class ConsoleError(Exception):
 
 
 class Module:
-    """One axis of the controller: a simulated module ANM300 that drives a simulated stage."""
+    """One axis of the controller: a simulated module ANM300 that drives a simulated stage.
+
+    `mode` is one of `_MODES`. `capacity` is the capacitance that was measured last, F, 0 before; every
+    measurement gives 1.4 uF. `busy_until` is the time at which the measurement ends, s of the clock.
+    """
 
     def __init__(self, stage: Stage, clock: Clock) -> None:
         self.axis = Axis(stage, clock)
@@ -66,9 +70,14 @@ class Module:
         self.busy_until = -np.inf
 
     def set(self, key: str, text: str) -> None:
-        """Change a setting: `key` is "f", "v" or "a" of the command, `text` the new value in Hz or V.
+        """Change a setting; a new offset is put out at once if the mode puts out the offset.
+
+        Args:
+            key: letter of the command: "f" (step rate), "v" (amplitude) or "a" (offset).
+            text: the new value, in Hz or V.
 
         Raises:
+            ConsoleError: the text is no number.
             QuantityError: the value is outside the range of the setting.
         """
         field, value = _FIELDS[key][0], _number(text)
@@ -78,7 +87,12 @@ class Module:
             self._go(value)
 
     def set_mode(self, mode: str, now: float) -> None:
-        """Change the mode of the output, one of `_MODES`, at the time `now` [s]. The present motion stops."""
+        """Change the mode of the output at the time `now` [s of the clock]. The present motion stops.
+
+        The output then ramps to the offset in the modes "off", "stp+" and "stp-", in others to 0 V. The mode
+        "cap" starts a measurement of the capacitance, after which the axis is grounded. Raises ConsoleError
+        for a mode that is not in `_MODES`.
+        """
         if mode not in _MODES:
             raise ConsoleError("Parameter out of range")
         self.axis.stop()
@@ -121,7 +135,8 @@ class Anc300:
         stages: stage of each axis; the first one is axis 1.
         password: password of the console.
         clock: clock of the motions; by default the computer's.
-        longest_wait: longest wait of the commands `stepw` and `capw`, s.
+        longest_wait: longest time, s, for which the commands `stepw` (wait for the end of the steps) and
+            `capw` (wait for the capacitance) block.
     """
 
     def __init__(
@@ -150,7 +165,7 @@ class Anc300:
             module.axis.stop()
 
     def execute(self, line: str) -> str:
-        """Execute one command; return the lines of the answer that precede OK, "" if there are none.
+        """Execute one command line; return the text of the answer without the final OK, "" if there is none.
 
         Raises:
             ConsoleError: the command is refused.
@@ -218,7 +233,7 @@ class Anc300:
         """Block until the steps of a module, or its capacitance measurement, have ended.
 
         Raises:
-            ConsoleError: the steps are endless, or the wait exceeds `longest_wait`.
+            ConsoleError: the steps are endless, or they last longer than `longest_wait`.
         """
         until = self.clock.now() + self.longest_wait
         while module.axis.moving or self.clock.now() < module.busy_until:
@@ -228,9 +243,10 @@ class Anc300:
 
 
 class ConsoleSession:
-    """A connection to the console: the program sends the password (unless `known` is True), then commands.
+    """A connection to the console of `twin`: a program sends the password, then commands.
 
-    Until the command `echo off`, the console echoes each line and sends a prompt after each answer.
+    With `known` True no password is needed. A wrong password ends the connection (HangUp). Until the command
+    `echo off`, the console echoes each line and sends a prompt after each answer.
     """
 
     greeting = _GREETING
@@ -239,7 +255,7 @@ class ConsoleSession:
         self._twin, self._lines, self._echo, self._known = twin, Lines(), True, known
 
     def feed(self, data: bytes) -> bytes:
-        """Return the answers to all lines that are complete after these received bytes."""
+        """Return the answers to all lines that these received bytes complete. HangUp for a wrong password."""
         return "".join(self._answer(line) for line in self._lines.feed(data)).encode("latin-1")
 
     def _answer(self, line: str) -> str:
@@ -252,7 +268,10 @@ class ConsoleSession:
         return answered + _PROMPT if self._echo else answered
 
     def _answered(self, line: str) -> str:
-        """Return the answer to a command line, after the echo of the line while echoing is on."""
+        """Execute a command line; return the echo of the line (while echoing is on) and the answer.
+
+        The answer ends with OK, or with ERROR after the text of the error.
+        """
         echoed, said = f"{line}\r\n" if self._echo else "", ""
         if not line:
             return echoed

@@ -21,9 +21,9 @@ from ....quantities.units import QuantityError, to_si
 from ...limits import LONGEST_STOP
 from ...protocols import About, Array, Capabilities, RigError
 
-_POLL = 0.01  # pause between two queries for new samples, s
+_POLL = 0.01  # pause of `fetch` if no new samples have arrived, s
 _EDGE = 0.02  # duration of the output's jump to a new value, as a fraction of the update interval (assumed)
-_MOST = 5_000_000  # largest number of samples of a drive or a recording
+_MOST = 5_000_000  # largest number of updates of a drive and of samples of a recording
 
 
 class DaqmxRig:
@@ -32,8 +32,8 @@ class DaqmxRig:
     Args:
         device: name of the card in NI-DAQmx, such as "Dev1".
         gain: gain of the amplifier, V at the piezo per V at the card.
-        inputs: analogue input of the card for each input of the rig, such as {"gauge": "ai0"}, all in V. The
-            input "drive" is the loaded drive, unless an input measures it.
+        inputs: analogue input of the card by name of the rig's input, such as {"gauge": "ai0"}, all in V. The
+            rig also has an input "drive": the loaded drive, unless an analogue input has this name.
         output: analogue output of the card that drives the amplifier.
         rate: update rate of the output and sampling rate of the inputs, Hz.
         low, high: voltage range of the card's output and inputs, V.
@@ -53,7 +53,10 @@ class DaqmxRig:
 
     @staticmethod
     def attached() -> list[tuple[str, str]]:
-        """Return name and model of each card that NI-DAQmx knows on this machine."""
+        """Return (name, model) of each card that NI-DAQmx knows on this machine.
+
+        An ImportError, or an error of the driver, is raised if NI-DAQmx is not installed.
+        """
         system = importlib.import_module("nidaqmx.system").System.local()
         return [(device.name, device.product_type) for device in system.devices]
 
@@ -102,8 +105,8 @@ class DaqmxRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return attributes for the recording: "device", a JSON text with card, driver, wiring and
-        settings."""
+        """Return attributes of a recording, whatever its number of `runs`: "device", a JSON text with card,
+        driver, wiring and settings."""
         del runs
         low, high = self._range
         settings = {"name": self._device, "gain": self._gain, "low": low, "high": high, "rate": self._rate}
@@ -111,7 +114,11 @@ class DaqmxRig:
         return {"device": json.dumps({**self._card, **settings, **wiring})}
 
     def load(self, volts: Array) -> None:
-        """Check and keep the drive [n], V at the piezo, one value per update, for the next `start`."""
+        """Check and keep the drive [n], V at the piezo, one value per update, for the next `start`.
+
+        Raises:
+            RigError: the drive is too long, not finite, or outside the card's voltage range.
+        """
         if volts.size > _MOST or not np.all(np.isfinite(volts)):
             raise RigError(f"{self._device}: the drive must be up to {_MOST} finite voltages")
         asked = volts / self._gain
@@ -122,7 +129,8 @@ class DaqmxRig:
         self._volts = np.array(volts, dtype=float)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Choose the inputs, and the number of samples of each, that the next `start` records."""
+        """Choose the inputs and the number of samples of each that the next `start` records. RigError if the
+        rig has no such input or too many samples are requested."""
         for name in inputs:
             if name not in self.capabilities.inputs:
                 known = ", ".join(self.capabilities.inputs)
@@ -132,8 +140,8 @@ class DaqmxRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the output, which waits for the sample clock of the inputs, then the inputs, so that both
-        run."""
+        """Start the output, which waits for the sample clock of the inputs; then start the inputs and with
+        them the output. RigError before `load` and `arm`, or if the driver refuses."""
         if self._volts.size < 2 or not self._samples:
             raise RigError(f"{self._device}: start needs a drive (load) and inputs (arm)")
         self._end()
@@ -159,7 +167,10 @@ class DaqmxRig:
         self._done, self._started = 0, True
 
     def fetch(self) -> Array:
-        """Return the samples [inputs, n], V, that arrived since the last call; n may be 0."""
+        """Return the samples [inputs, n], V, that arrived since the last call; n may be 0.
+
+        RigError if no run is active or the driver reports an error.
+        """
         if not self._started:
             raise RigError(f"{self._device}: nothing is running")
         with self._told("read"):
@@ -177,7 +188,7 @@ class DaqmxRig:
     def stop(self, slew: float) -> None:
         """Ramp the output from its present voltage to 0 V at `slew` [V/s at the piezo], timed by the card.
 
-        Without a run, only the tasks are closed.
+        Without an active run, only the NI-DAQmx tasks are closed.
 
         Raises:
             RigError: the ramp failed; the card may keep its last voltage.
@@ -210,8 +221,8 @@ class DaqmxRig:
         self._end()
 
     def _ramp(self, slew: float) -> None:
-        """Ramp from the last voltage that was put out to 0 V at `slew` [V/s], or faster: a ramp lasts
-        `LONGEST_STOP` s at most."""
+        """Ramp from the last voltage that was put out to 0 V at `slew` [V/s at the piezo], and wait for the
+        end. The slew rate is raised if a ramp over the whole range would last longer than `LONGEST_STOP`."""
         played = int(self._tasks[1].out_stream.total_samp_per_chan_generated)
         self._end()
         if not played:
@@ -246,8 +257,10 @@ class DaqmxRig:
 
 
 class _Told:
-    """Context manager that turns errors of the library nidaqmx into RigError, with the device and the action
-    `what`."""
+    """Context manager that turns errors of the library nidaqmx into RigError.
+
+    The message names the device and the action `what`. `library` is the imported module nidaqmx.
+    """
 
     def __init__(self, device: str, what: str, library: Any) -> None:
         self._device, self._what, self._library = device, what, library

@@ -11,7 +11,7 @@ from ...protocols import About, RigError
 from .gcs import PORT, GcsLine
 
 _MOVING, _STOP = chr(5), chr(24)
-_STOPPED = 10  # GCS error number that each stop command leaves behind; it is not a failure
+_STOPPED = 10  # error number that GCS reports after each stop command, although nothing has failed
 
 
 class E871Client:
@@ -21,7 +21,7 @@ class E871Client:
     Args:
         host: address of the controller.
         port: TCP port.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Raises:
         RigError: nobody answers there, or the device is another one.
@@ -56,8 +56,11 @@ class E871Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start `count` open-loop steps of this amplitude [V] and step rate [Hz]; a negative count is
-        backwards."""
+        """Start `count` open-loop steps and return at once; a negative count is backwards.
+
+        `voltage` is the amplitude [V], `frequency` the step rate [Hz]. Raises QuantityError for a value
+        outside `ranges`, and RigError if the controller refuses.
+        """
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         for command in (
@@ -73,7 +76,8 @@ class E871Client:
         raise RigError(f"{self.ranges.name}: axis {axis} cannot be held at {voltage}: it only steps")
 
     def go(self, axis: int, position: float | str) -> None:
-        """Start a closed-loop motion to a position, in m from the zero of the axis's sensor."""
+        """Start a closed-loop motion to a position, in m from the zero of the axis's sensor; return at
+        once."""
         position = to_si(position, "m", "position")
         self.ranges.check(axis)
         self._line.do(f"SVO {axis} 1")

@@ -12,7 +12,7 @@ from ...line import Line, finite, need_silence
 from ...protocols import RigError
 
 PORT = 50000
-_LONGEST = 1_000_000  # largest number of lines of an answer; more are treated as an endless answer
+_LONGEST = 1_000_000  # largest number of lines of an answer; more count as an endless answer, an error
 _ERRORS = {
     1: "parameter syntax error",
     2: "unknown command",
@@ -37,7 +37,7 @@ class GcsLine:
     Args:
         host: address of the controller.
         port: TCP port.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Raises:
         RigError: nobody answers there, or the device is not from PI.
@@ -50,14 +50,14 @@ class GcsLine:
             self.identity = self.ask("*IDN?")[0]
             if "physik instrumente" not in self.identity.lower():
                 raise RigError(f"{self.name} says it is {self.identity[:80]!r}, not a controller of PI")
-            self.ask("ERR?")  # the query clears the error number of an earlier program
+            self.ask("ERR?")  # also clears the error number that an earlier program has left
         except RigError:
             self._line.close()
             raise
 
     @property
     def model(self) -> str:
-        """Model name in the controller's identity."""
+        """Model name in the controller's identity; "controller" if the identity names none."""
         return [*self.identity.split(","), "controller"][1].strip()
 
     @property
@@ -66,7 +66,7 @@ class GcsLine:
         return self._line.device
 
     def tell(self, command: str) -> None:
-        """Send a command without a query of its error number."""
+        """Send a command without a query of its error number. RigError if the connection is closed."""
         self._line.send(command.encode("latin-1") + b"\n")
 
     def do(self, command: str, allowed: tuple[int, ...] = ()) -> None:
@@ -77,7 +77,7 @@ class GcsLine:
             allowed: error numbers, besides 0, that are no failure.
 
         Raises:
-            RigError: the error number is another one, or the answer is invalid.
+            RigError: the command has failed with another error number, or the answer is late or invalid.
         """
         self.tell(command)
         said = self.ask("ERR?")[0]
@@ -89,10 +89,13 @@ class GcsLine:
             raise RigError(f"{self.name}: {command}: error {said}, {words}")
 
     def ask(self, query: str) -> list[str]:
-        """Return the lines of the answer to a query: a text, or one control character such as chr(5).
+        """Return the lines of the answer to a query, without spaces and line ends at their ends.
+
+        The query is a text, or one control character such as chr(5).
 
         Raises:
-            RigError: the answer is late or does not end, or more data came than the answer.
+            RigError: the answer is late or does not end, other data came too, or an earlier answer was late
+                or invalid.
         """
         if self._lost:
             raise RigError(f"{self.name}: {query!r}: not asked, an answer was late or garbage before")
@@ -112,7 +115,7 @@ class GcsLine:
 
     def number(self, query: str) -> float:
         """Return the number in the first line of the answer to a query, after the last "=" if there is
-        one."""
+        one. RigError if there is no finite number."""
         said = self.ask(query)[0]
         found = re.fullmatch(r"(?:.*=)?\s*([-+.\deE]+)\s*", said)
         try:
@@ -122,10 +125,11 @@ class GcsLine:
             raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
 
     def table(self, query: str) -> list[list[float]]:
-        """Return the rows of numbers in an answer in the GCS array format.
+        """Return the rows of numbers in the answer to a query, in the GCS array format.
 
         Raises:
-            RigError: the header announces another number of rows (NDATA) or columns (DIM) than came.
+            RigError: the header announces another number of rows (NDATA) or columns (DIM) than came, or a
+                row contains something else than numbers.
         """
         said = self.ask(query)
         lines = [line for line in said if not line.startswith("#")]

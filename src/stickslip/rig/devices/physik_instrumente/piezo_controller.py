@@ -1,8 +1,8 @@
 """A digital piezo controller of Physik Instrumente as a rig: wave generator and data recorder, through GCS
 2.0.
 
-For controllers such as E-709 and E-727. The servo is off, so that the wave table is the piezo's voltage.
-Position and voltage are recorded at multiples of the servo's cycle time.
+The module is for controllers such as E-709 and E-727. The servo (closed loop) is off, so that the wave table
+is the piezo's voltage. Position and voltage are recorded at multiples of the servo's cycle time.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from ...protocols import About, Array, Capabilities, RigError
 from ...table import check_followed, check_inputs, check_positive, check_ready, held, lower, with_ramp, within
 from .gcs import PORT, GcsLine
 
-_CYCLE = "SPA? 1 0x0E000200"  # query of the servo's cycle time, s
-_OPTIONS = {"position": 2, "drive": 16}  # record options: position of the axis, voltage of the channel
-_AT_A_TIME = 10  # number of table values in one command: the length of a command is limited
+_CYCLE = "SPA? 1 0x0E000200"  # query of the servo's cycle time, which the controller answers in s
+_OPTIONS = {"position": 2, "drive": 16}  # numbers by which the data recorder designates the inputs of the rig
+_AT_A_TIME = 10  # number of table values in one command, whose length the controller limits
 _POLL = 0.02  # pause between two queries for the end of the recording, s
-_STEPS = 50  # largest number of voltage steps of the ramp to 0 V
+_STEPS = 50  # largest number of voltage steps in which a stop reduces the voltage to 0 V
 _LATE = 5.0  # time after the end of the wave table within which the recording must be complete, s
-_BEYOND = 0.1  # excess of a reading over each end of its range that is accepted, as a fraction of the range
+_BEYOND = 0.1  # accepted distance of a reading beyond either end of its range, as a fraction of the range
 
 
 class PiRig:
@@ -32,13 +32,14 @@ class PiRig:
 
     Args:
         host: address of the controller.
-        axis: axis of the controller, driven by its first output channel and wave generator.
-        interval: s between updates of the output and between samples; a multiple of the servo's cycle time.
-        points: length of a wave table and of a record, from the controller's manual.
-        ramp: slew of the ramp to 0 V that ends each drive, V/s. It is also the slew of an initial ramp, which
-            is needed because a killed program leaves its last voltage.
+        axis: name of the controller's axis, driven by its first output channel and wave generator.
+        interval: time between updates of the output and between samples, s; a multiple of the servo's cycle
+            time.
+        points: greatest number of values of a wave table and of a record, from the controller's manual.
+        ramp: slew rate of the ramp to 0 V that ends each drive, V/s. Opening also starts with such a ramp,
+            because a killed program leaves its last voltage.
         port: TCP port.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Inputs are "drive", the voltage at the piezo, and "position", the reading of the sensor.
 
@@ -83,7 +84,7 @@ class PiRig:
                     f"interval = {interval:g} s must be a multiple of {cycle:g} s, the servo's cycle"
                 )
             self._read_range()
-            # Range of credible position readings, um: the sensor's travel, and a tenth of it at each end.
+            # Range of credible position readings, um: the sensor's travel, extended by `_BEYOND` at each end.
             ends = [self._line.number(f"{name}? {axis}") for name in ("TMN", "TMX")]
             self._travel = ends[0] - _BEYOND * (ends[1] - ends[0]), ends[1] + _BEYOND * (ends[1] - ends[0])
             self._line.do("WGO 1 0")
@@ -106,7 +107,8 @@ class PiRig:
         )
 
     def refresh(self) -> None:
-        """Read the voltage range of the output again, because it may have been changed at the controller."""
+        """Read the voltage range of the output again into `capabilities`: somebody may have changed the range
+        at the controller."""
         self._read_range()
         low, high = min(self._low, 0.0), max(self._high, 0.0)
         step = (self._high - self._low) / 65536
@@ -116,8 +118,8 @@ class PiRig:
         self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return attributes for the recording: "device", a JSON text with the controller's identity, axis and
-        sampling interval [s]."""
+        """Return attributes of a recording, whatever its number of `runs`: "device", a JSON text with the
+        controller's identity, axis and sampling interval [s]."""
         del runs
         known = {
             "device": self._line.identity,
@@ -127,7 +129,11 @@ class PiRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Load the drive [n], V, one value per update, into the wave table, with a ramp to 0 V at its end."""
+        """Load the drive [n], V, one value per update, into the wave table, with a ramp to 0 V at its end.
+
+        Raises:
+            RigError: the table is too long or exceeds the voltage range, or the controller refuses.
+        """
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, can.update_rate)
         within(can.name, table, can.min_voltage, can.max_voltage, can.max_points + 1)
@@ -142,7 +148,7 @@ class PiRig:
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
         """Set up the data recorder: it starts with the wave generator and records `samples` samples of each
-        input."""
+        input, "drive" or "position". RigError for another input or too many samples."""
         can = self.capabilities
         check_inputs(can, inputs, samples)
         self._line.do(f"RTR {self._factor}")
@@ -152,14 +158,18 @@ class PiRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the wave generator, which also starts the data recorder."""
+        """Start the wave generator, which also starts the data recorder. RigError before `load` and `arm`."""
         check_ready(self.capabilities, self._volts, self._samples)
         self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
         self._line.do("WGO 1 1")
         self._ends = time.monotonic() + self._lasts
 
     def fetch(self) -> Array:
-        """Return all samples [inputs, n], in V and m, when the recording is complete; before, n is 0."""
+        """Return all samples [inputs, n], in V and m, when the recording is complete; before, n is 0.
+
+        Raises:
+            RigError: no run is active, the recording is not complete in time, or its readings are wrong.
+        """
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if self._line.number("DRL? 1") < self._samples + 1:
@@ -173,13 +183,13 @@ class PiRig:
         if len(rows) != self._samples + 1 or any(len(row) != len(self._inputs) for row in rows):
             raise RigError(f"{self._line.name}: {query}: {len(rows)} rows came")
         self._check(np.array(rows[1:]).T)
-        # The controller reports positions in um.
+        # The controller reports positions in um; a rig returns m.
         scale = np.array([1e-6 if name == "position" else 1.0 for name in self._inputs])
-        return (np.array(rows[1:]) * scale).T  # the first row was sampled before the drive's first value
+        return (np.array(rows[1:]) * scale).T  # the first row precedes the drive's first value
 
     def _check(self, found: Array) -> None:
-        """Raise RigError if readings [inputs, n], in V and um, are outside the range of sensor or output, or
-        if the recorded drive does not follow the loaded one."""
+        """Raise RigError if the readings `found` [inputs, n], in V and um, are outside the range of sensor or
+        output, or if the recorded drive does not follow the loaded one."""
         spare = _BEYOND * (self._high - self._low)
         for name, values in zip(self._inputs, found, strict=True):
             low, high = self._travel if name == "position" else (self._low - spare, self._high + spare)
@@ -209,7 +219,7 @@ class PiRig:
 
     def _go_to_zero(self, slew: float, running: bool) -> None:
         if running and 0.0 < self._ends - time.monotonic() <= float(np.abs(self._volts).max()) / slew:
-            # The table soon reaches its own ramp to 0 V, so its end is awaited.
+            # The table ends at 0 V sooner than a ramp from here would, so its end is awaited.
             time.sleep(max(self._ends - time.monotonic(), 0.0))
         self._line.do("WGO 1 0")
         volts = self._line.number("VOL? 1")

@@ -20,8 +20,9 @@ from ...protocols import About, Array, Capabilities, RigError
 from ...table import check_positive
 
 PORT = 23
-TICK = 50e-6  # shortest interval of generator and recorder, s; others are multiples of it
-TABLE, RECORD = 1024, 6144  # number of values in the generator's table, of samples in a recorder channel
+TICK = 50e-6  # shortest interval of generator and recorder, s; other intervals are multiples of this one
+# Greatest number of values in the generator's table, and greatest number of samples of a recorder channel.
+TABLE, RECORD = 1024, 6144
 _ON, _OFF = b"\x11", b"\x13"
 _ERRORS = {
     1: "error not specified",
@@ -45,10 +46,11 @@ class Nv200Rig:
     Args:
         host: address of the amplifier.
         port: TCP port for data; 23 unless it was changed.
-        interval: s between updates of the output and between samples, a multiple of 50 us up to 3.27 s.
-        ramp: slew of the initial ramp to 0 V, V/s. It is needed because a killed program leaves its last
-            voltage.
-        timeout: s, for each answer.
+        interval: time between updates of the output and between samples, s: a multiple of 50 us, up to 3.27
+            s.
+        ramp: slew rate of the ramp to 0 V at the opening, V/s. The ramp is needed because a killed program
+            leaves its last voltage.
+        timeout: longest wait for each answer, s.
 
     Inputs are "drive", the voltage at the piezo, and "position", the reading of the sensor.
 
@@ -106,7 +108,8 @@ class Nv200Rig:
         )
 
     def refresh(self) -> None:
-        """Read the voltage range of the amplifier again, because it may have been changed at the device."""
+        """Read the voltage range of the amplifier again into `capabilities`: somebody may have changed the
+        range at the device."""
         self._read_range()
         step = (self._high - self._low) / 65536
         can = self.capabilities
@@ -114,15 +117,15 @@ class Nv200Rig:
 
     def _read_range(self) -> None:
         self._low, self._high = self._number("avmin"), self._number("avmax")
-        # Table values are fractions of this range, so a wrongly read range would scale the output: read the
-        # range twice.
+        # The values of the generator's table are fractions of this range. A wrongly read range would scale
+        # the output, so the range is read twice.
         again = self._number("avmin"), self._number("avmax")
         if again != (self._low, self._high) or not self._low <= 0.0 < self._high:
             self._line.fail(f"avmin, avmax are {self._low:g}, {self._high:g} V, then {again} V")
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return attributes for the recording: "device", a JSON text with the device's identity and sampling
-        interval [s]."""
+        """Return attributes of a recording, whatever its number of `runs`: "device", a JSON text with the
+        device's identity and sampling interval [s]."""
         del runs
         return {
             "device": json.dumps({"device": "NV200/D_NET", **self.told_of, "interval": self._factor * TICK})
@@ -133,7 +136,7 @@ class Nv200Rig:
 
         Raises:
             RigError: the drive is longer than the table even with a loop, repeats more than 65535 times, or
-                is outside the voltage range.
+                is outside the voltage range; or the device refuses.
         """
         first, period, cycles = loop_of(volts, self.capabilities.step)
         size = first + period
@@ -162,7 +165,8 @@ class Nv200Rig:
         self._loaded, self._volts = True, np.array(volts, dtype=float)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Arm the recorder: it starts with the output and records `samples` samples of one or two inputs."""
+        """Arm the recorder: it starts with the output and records `samples` samples of one or two inputs,
+        "drive" or "position". RigError for another input or a wrong number of inputs or samples."""
         for name in inputs:
             if name not in _SOURCES:
                 raise RigError(f"NV200: there is no input {name!r}; there are {', '.join(_SOURCES)}")
@@ -177,7 +181,7 @@ class Nv200Rig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the generator, and with it the armed recorder."""
+        """Start the generator, and with it the armed recorder. RigError before `load` and `arm`."""
         if not self._loaded or not self._samples:
             raise RigError("NV200: start needs a drive (load) and inputs (arm)")
         self._do("modsrc,3")
@@ -185,7 +189,11 @@ class Nv200Rig:
         self._running = True
 
     def fetch(self) -> Array:
-        """Return all samples [inputs, n], in V and m, when the recording is complete; before, n is 0."""
+        """Return all samples [inputs, n], in V and m, when the recording is complete; before, n is 0.
+
+        Raises:
+            RigError: no run is active, or another number of samples came.
+        """
         if not self._running:
             raise RigError("NV200: nothing is running")
         if self._number("recrun") != 0.0:
@@ -204,12 +212,16 @@ class Nv200Rig:
         return np.array(rows)
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V at `slew` [V/s] by the slew-rate limit of the device, then remove the limit.
+        """Ramp to 0 V at `slew` [V/s], by the slew-rate limit of the device, and remove the limit afterwards.
 
-        The limit is 2000 % of the voltage range per ms at most. The method waits for the ramp, for 10 s at
-        most.
+        The device allows limits up to 2000 % of its voltage range per ms. The method waits as long as a ramp
+        over the whole range would last, 10 s at most.
+
+        Raises:
+            RigError: the commands could not be sent, also on a new connection; the output may keep its
+                voltage.
         """
-        percent = slew / (self._high - self._low) * 0.1  # slew in % of the range per ms
+        percent = slew / (self._high - self._low) * 0.1  # slew rate in % of the voltage range per ms
         self._running = False
         commands = ("grun,0", f"sr,{min(max(percent, 8e-7), 2000.0):.7g}", "set,0", "modsrc,0")
         self._line.insist(lambda: [self._do(command) for command in commands], self._greet)
@@ -222,7 +234,7 @@ class Nv200Rig:
         """Return the output waveform of the loaded drive, piecewise linear: times [s] from the start, and
         voltages [V].
 
-        A new value is assumed to be reached in 50 us along a line (not measured on a device).
+        A new value is assumed to be reached linearly within 50 us (not measured on a device).
         """
         begins: Array = np.arange(self._volts.size, dtype=np.float64) * (TICK * self._factor)
         times: Array = np.stack([begins, begins + TICK], axis=1).ravel()
@@ -231,11 +243,11 @@ class Nv200Rig:
         return times[keep], volts[keep]
 
     def close(self) -> None:
-        """Close the connection. The voltage stays."""
+        """Close the connection. The output keeps its voltage."""
         self._line.close()
 
     def _greet(self) -> None:
-        """Check that the device identifies itself as an NV200/D_NET."""
+        """Raise RigError unless the device identifies itself as an NV200/D_NET."""
         self._line.send(b"\r\n")
         found = self._line.until(_ON, b"\r\n").strip(b"\r\n\x00<>" + _OFF)
         if found != b"NV200/D_NET":
@@ -249,8 +261,9 @@ class Nv200Rig:
             self._line.fail(f"{command} is answered by {found[0][:60]!r}, no number")
 
     def _ask(self, command: str, timeout: float | None = None) -> list[str]:
-        """Return the values in the answer to a query. The answer is the name of the query, then its values,
-        separated by commas."""
+        """Return the values in the answer to a query, as texts. The answer is the query's name and the
+        values, separated by commas; RigError for any other answer. `timeout` is in s, by default the
+        connection's."""
         name, *found = self._said(command, timeout).split(",")
         if name != command.split(",")[0] or not found:
             self._line.fail(f"{command} is answered by {','.join([name, *found])[:60]!r}")
@@ -275,8 +288,8 @@ class Nv200Rig:
 def loop_of(volts: Array, within: float) -> tuple[int, int, int]:
     """Find the shortest generator table that plays a drive: some values once, then a loop of values.
 
-    After the last cycle the output keeps the last value. A drive that ends in a constant can therefore end
-    with its last change, if the values up to there are whole cycles.
+    After the last cycle the generator keeps the last value. The table of a drive that ends in a constant can
+    therefore end with the last change, if the values up to there are whole cycles.
 
     Args:
         volts: the drive [n], V, one value per update.
@@ -286,7 +299,7 @@ def loop_of(volts: Array, within: float) -> tuple[int, int, int]:
         Number of values before the loop, number of values in the loop, number of cycles of the loop.
     """
     changes = np.flatnonzero(np.abs(volts - volts[-1]) > within)
-    # Number of values up to the last change; all later ones are equal.
+    # Number of values up to and including the first one of the constant with which the drive ends.
     held = min(int(changes[-1]) + 2 if changes.size else 1, volts.size)
     best = held - 1, 1, 1
     for values, whole in ((volts, False), (volts[:held], True)):

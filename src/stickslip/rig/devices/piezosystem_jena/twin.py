@@ -2,12 +2,12 @@
 recorder on TCP.
 
 A sawtooth from the generator makes the stick-slip stage walk. The position sensor measures the end-effector
-(or the stage itself). Made from the maker's library `nv200` 1.6.0, without hardware. Assumed: a write is
-answered by XOFF XON alone; numbers have three decimals (the temperature has one, filter coefficients have
-six); the output is constant between two generator values
-and keeps the last one when the generator ends; the closed loop is an integral controller that is updated
-every 5 ms; the current; the error code of locked commands. Filters other than the slew rate and the low pass
-of the set point, SPI, ILC and trigger outputs are stored without effect.
+(or the stage itself). Written after the maker's library `nv200` 1.6.0, without hardware. Assumed: a write is
+answered by XOFF XON alone; numbers have three decimals (the temperature has one, values of the generator's
+table have six); the output is constant between two generator values and keeps the last one when the generator
+ends; the closed loop is an integral controller that is updated every 5 ms; the current is 0; the error code
+of locked commands. Filters other than the slew rate and the low pass of the set point, SPI, ILC and trigger
+outputs are stored without effect.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ _XOFF, _XON = "\x13", "\x11"
 _PROMPT = "NV200/D_NET>"
 UNKNOWN, MISSING, OUT_OF_RANGE, TOO_MANY, LOCKED = 2, 3, 4, 5, 6
 
-# Settings by the name of their command: default, smallest and largest value. An integer default means that
-# the setting takes integers only.
+# Settings of the device by the name of their command: default, smallest and largest value, in the unit of the
+# protocol. An integer default means that the setting takes integers only.
 _KEPT: dict[str, tuple[float, float, float]] = {
     **{name: (0, 0, 1) for name in ("fenable", "setlpon", "notchon", "poslpon", "cl")},
     **{name: (0, 0, 7) for name in ("monsrc", "spisrc", "trgfkt", "trgedg", "spitrg")},
@@ -118,7 +118,7 @@ class Nv200:
             self.output.generate(False)
 
     def execute(self, line: str) -> str:
-        """Execute one command; return the answer of a query, "" for a command without an answer.
+        """Execute one command line, NAME,VALUE,...; return the answer to a query, "" to a command.
 
         Raises:
             DeviceError: the command is refused; `number` is the error number to answer.
@@ -205,7 +205,7 @@ class Nv200:
 
 
 class FramedSession:
-    """A connection that sends each answer between the control characters XOFF and XON."""
+    """One connection to `twin`; each answer is sent between the control characters XOFF and XON."""
 
     greeting = b""
 

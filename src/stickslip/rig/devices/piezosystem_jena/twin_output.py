@@ -12,7 +12,8 @@ from ...twins.stage import Path, Piece, Stage
 
 TICK = 50e-6  # interval of the amplifier's clock, s
 RECORD = 6144  # number of samples in a channel of the recorder
-RANGE = {"avmin": -20.0, "avmax": 180.0, "posmin": -80.0, "posmax": 80.0}  # ends of the ranges, V and um
+# Ends of the range of voltages (av...), V, and of positions (pos...), um, by the names of their queries.
+RANGE = {"avmin": -20.0, "avmax": 180.0, "posmin": -80.0, "posmax": 80.0}
 _PIECE = 400  # largest number of ticks simulated as one piece
 _LOOP = 100  # number of ticks between two updates of the closed loop (5 ms)
 
@@ -20,8 +21,8 @@ _LOOP = 100  # number of ticks between two updates of the closed loop (5 ms)
 class Recorder:
     """Recorder of two channels with the sampling interval `interval` [s].
 
-    The first sample is taken at the start of the next simulated piece, in which the output may move or be
-    constant.
+    `sources` are the numbers of the two recorded quantities in the device's protocol: 0 the position, 2 the
+    voltage. The first sample is taken at the start of the next simulated piece of drive.
     """
 
     def __init__(self) -> None:
@@ -35,7 +36,7 @@ class Recorder:
         """Start recording.
 
         Args:
-            stride: sampling interval in ticks.
+            stride: sampling interval in ticks of 50 us.
             length: number of samples; with 0 the recorder runs until it is stopped, and keeps the last
                 `RECORD` samples.
         """
@@ -44,10 +45,10 @@ class Recorder:
         self.armed, self.running = False, True
 
     def take(self, path: Path, columns: Array) -> None:
-        """Record the samples that fall into a simulated piece.
+        """Record the samples that fall into a simulated piece, interpolated between its times.
 
         Args:
-            path: result of the piece.
+            path: result of the simulation of the piece.
             columns: recorded quantities [channels, n] at the n times of the path, in V or um.
         """
         began = self._elapsed
@@ -65,7 +66,7 @@ class Recorder:
             self.rows.pop(0)
 
     def values(self, row: int) -> Array:
-        """Return the last `RECORD` samples of one channel (0 or 1), oldest first, in V or um."""
+        """Return the last `RECORD` samples [n] of the channel `row` (0 or 1), oldest first, in V or um."""
         if not self.rows:
             return np.zeros(0)
         return np.concatenate([block[row] for block in self.rows])[-RECORD:]
@@ -77,9 +78,9 @@ class Output:
     Args:
         stage: the driven stage.
         clock: clock of the motions.
-        kept: present values of the device's settings by name, shared with the device.
+        kept: present values of the device's settings by name; the device changes this dictionary.
         noise: standard deviation of a position reading, m.
-        on: body whose position is measured, "end_effector" or "stage".
+        on: body whose position is measured, "end_effector" or "stage"; ValueError for another name.
         seed: seed of the noise.
     """
 
@@ -97,7 +98,7 @@ class Output:
 
     @property
     def set_range(self) -> tuple[float, float]:
-        """Smallest and largest set point: in V, or in um in closed loop."""
+        """Smallest and largest set point: in V in open loop, in um in closed loop."""
         names = ("posmin", "posmax") if self._kept["cl"] else ("avmin", "avmax")
         return RANGE[names[0]], RANGE[names[1]]
 
@@ -125,7 +126,8 @@ class Output:
     def go(self, value: float, seconds: float = 0.0) -> None:
         """Move the output to a set point (V, or um in closed loop), along a line of `seconds` s or at once.
 
-        If the generator or another source drives the output, the set point is only stored.
+        If the generator or another source drives the output, the set point is only stored. A recorder that
+        waits for a set point (setting `recast` 1) starts.
         """
         self.axis.advance()
         if self._kept["recast"] == 1 and self.recorder.armed:
@@ -137,10 +139,10 @@ class Output:
             self._play(iter((points,)))
 
     def follow_source(self) -> None:
-        """Stop the generator and adapt the set point, after the loop was opened or closed or its source
-        changed.
+        """Adapt the output after the closed loop was switched on or off, or the source of set points changed.
 
-        A closed loop starts with the present position as its set point.
+        The generator stops. If set points come from commands, a closed loop starts with the present position
+        as its set point, and an open loop keeps the set point within its range.
         """
         self._generating = False
         if self._kept["cl"] and self._kept["modsrc"] == 0:
@@ -154,7 +156,7 @@ class Output:
             self._play(iter(()))
 
     def generate(self, run: bool) -> None:
-        """Start (`run` True) or stop the generator; an armed recorder may start with it."""
+        """Start (`run` True) or stop the generator. A recorder that waits for it (`recast` 2) starts too."""
         self.axis.advance()
         if not run:
             if self.generating:
@@ -167,7 +169,7 @@ class Output:
         self._play(self._generated(), forever=self._kept["gcarb"] == 0)
 
     def record(self, run: bool) -> None:
-        """Start or arm the recorder (`run` True), as the setting `recast` says, or stop it."""
+        """Start the recorder (`run` True), arm it if the setting `recast` is not 0, or stop it (False)."""
         self.axis.advance()
         self.recorder.armed = self.recorder.running = False
         if run and self._kept["recast"] != 0:
@@ -178,7 +180,7 @@ class Output:
                 self._play(iter(()))
 
     def recorded(self, channel: int) -> Array:
-        """Return the recorded samples of a channel, in V or um."""
+        """Return the recorded samples [n] of a channel (0 or 1), in V or um."""
         self.axis.advance()
         return self.recorder.values(channel)
 
@@ -194,10 +196,11 @@ class Output:
         self.axis.begin(self._pieces(points), forever)
 
     def _pieces(self, points: Iterator[Array]) -> Iterator[Piece]:
-        """Yield the pieces of drive voltage for arrays of set points (V or um), one set point per tick.
+        """Yield the pieces of drive for arrays of set points, one set point (V; closed loop: um) per tick.
 
-        The set points pass the slew-rate limit, or the closed loop. After the last set point, pieces with
-        this set point continue while the recorder runs or the output has not settled.
+        In open loop the drive follows the set points after low pass and slew-rate limit, in closed loop it is
+        the controller's output. After the last set point, pieces with this set point continue while the
+        recorder runs or the output has not settled; a closed loop never settles.
         """
         for chunk in points:
             for first in range(0, chunk.size, _PIECE):
@@ -212,7 +215,7 @@ class Output:
         return abs(self._last_point - self.axis.stage.voltage) > 1e-9
 
     def _driven(self, points: Array) -> Iterator[Piece]:
-        """Yield the pieces of drive voltage for an array of set points (V or um), one per tick."""
+        """Yield the pieces of drive for an array of set points (V; closed loop: um), one per tick."""
         self._last_point = float(points[-1])
         if not self._kept["cl"]:
             yield _piece(self.axis.stage.voltage, self._slewed(points))
@@ -228,8 +231,8 @@ class Output:
             yield _piece(stage.voltage, np.linspace(stage.voltage, wanted, part.size + 1)[1:])
 
     def _slewed(self, points: Array) -> Array:
-        """Return the voltages [n], V, that follow set points [n], V, after the low pass and the slew-rate
-        limit."""
+        """Return the voltages [n], V, for set points [n], V, one per tick, after clipping to the voltage
+        range, low pass and slew-rate limit, where the settings switch these on."""
         points = np.clip(points, RANGE["avmin"], RANGE["avmax"])
         rate = float(self._kept["sr"])
         begin = self.axis.stage.voltage
@@ -250,9 +253,10 @@ class Output:
         return points
 
     def _generated(self) -> Iterator[Array]:
-        """Yield the set points of the generator (V or um), one per tick, cycle by cycle.
+        """Yield arrays of the generator's set points (V; closed loop: um), one set point per tick.
 
-        The first cycle starts at the table entry of the setting `goarb`, later ones at `gsarb`.
+        The first cycle starts at the table entry of the setting `goarb`, later ones at `gsarb`. The setting
+        `gcarb` is the number of cycles, 0 for endless ones.
         """
         kept = self._kept
         cycle, first = 0, int(kept["goarb"])
@@ -286,7 +290,7 @@ class Output:
         }.get(source, np.zeros_like(positions))
 
     def _sensed(self, at: Array) -> Array:
-        """Return readings [n] of the position sensor, um, for true positions [n], m."""
+        """Return noisy readings [n] of the position sensor, um, for true positions `at` [n], m."""
         return 1e6 * (at - self._zero + self._noise * self._random.standard_normal(at.size))
 
 
@@ -294,7 +298,8 @@ def _piece(begin: float, volts: Array) -> Piece:
     """Return a piece of drive that starts at the voltage `begin` and reaches `volts[k]` [V] at the end of
     tick k.
 
-    Voltages on a straight line between others are left out of its polygon.
+    Points on a straight line between their neighbours are left out of the drive; the positions are computed
+    at the end of each tick.
     """
     times: Array = np.arange(1, volts.size + 1, dtype=np.float64) * TICK
     slopes = np.diff(np.append(begin, volts))

@@ -28,14 +28,14 @@ from ...table import (
 )
 
 PORT = 5000
-CLOCK = 125e6  # sample clock of the board's converters, Hz
+CLOCK = 125e6  # sample clock of the board's A/D and D/A converters, Hz
 BUFFER = 16384  # number of values in the buffers of the generator and of each input
-_SPAN = {"LV": 1.0, "HV": 20.0}  # ends of the symmetric input range, V, by the setting of its jumper
-_OUT = 1.0  # ends of the symmetric output range, V
-_BITS = 14  # resolution of the output's converter
-_LEAST = 1e-3  # smallest amplitude that is sent to the generator, V
+_SPAN = {"LV": 1.0, "HV": 20.0}  # largest input voltage of either sign, V, by the setting of the jumpers
+_OUT = 1.0  # largest output voltage of either sign, V
+_BITS = 14  # resolution of the output's D/A converter, bits
+_LEAST = 1e-3  # smallest amplitude that is sent to the generator, V; a smaller one is replaced by this value
 _POLL = 0.02  # pause between two queries for a full buffer, s
-_LATE = 5.0  # time after the expected end within which the buffer must be full, s
+_LATE = 5.0  # time after the expected end of the recording within which the buffer must be full, s
 
 
 class RedPitayaRig:
@@ -44,14 +44,14 @@ class RedPitayaRig:
     Args:
         host: address of the board.
         gain: gain of the amplifier at output 1, V at the piezo per V of the board.
-        inputs: fast input of the board for each input of the rig, such as {"gauge": 1}, in V. The input
-            "drive" is the loaded drive, unless an input measures it.
-        rate: Hz, of output and inputs; rounded to 125 MHz divided by 1, 2, 4, 8 or an integer from 16 to
-            65,536.
-        jumpers: range of the inputs, "LV" (1 V to either side) or "HV" (20 V).
-        ramp: V/s at the piezo, slew of the ramp to 0 V that ends each drive.
+        inputs: number of the board's fast input by name of the rig's input, such as {"gauge": 1}, in V. The
+            rig also has an input "drive": the loaded drive, unless a fast input has this name.
+        rate: update rate of the output and sampling rate of the inputs, Hz; rounded to 125 MHz divided by 1,
+            2, 4, 8 or an integer from 16 to 65,536.
+        jumpers: setting of the jumpers of the inputs: "LV" (range -1 to 1 V) or "HV" (-20 to 20 V).
+        ramp: slew rate of the ramp to 0 V that ends each drive, V/s at the piezo.
         port: TCP port of the SCPI server.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Raises:
         RigError: nobody answers there, or the device is another one.
@@ -126,8 +126,8 @@ class RedPitayaRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return attributes for the recording: "device", a JSON text with the board's identity, gain, inputs
-        and input range [V]."""
+        """Return attributes of a recording, whatever its number of `runs`: "device", a JSON text with the
+        board's identity, gain, inputs and input range [V]."""
         del runs
         known = {
             "device": self._link.identity,
@@ -138,7 +138,11 @@ class RedPitayaRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Upload the drive [n], V at the piezo, one value per update, with a ramp to 0 V at its end."""
+        """Upload the drive [n], V at the piezo, one value per update, with a ramp to 0 V at its end.
+
+        Raises:
+            RigError: drive and ramp exceed the buffer or the voltage range, or the board refuses.
+        """
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)
         within(can.name, table, can.min_voltage, can.max_voltage, BUFFER)
@@ -155,19 +159,23 @@ class RedPitayaRig:
         self._volts, self._lasts = np.array(volts, dtype=float), table.size / self._rate
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Set up the acquisition: it starts with the output and records `samples` samples of each input."""
+        """Set up the acquisition: it starts with the output and records `samples` samples of each input.
+
+        RigError for an unknown input or too many samples.
+        """
         can = self.capabilities
         check_inputs(can, inputs, samples)
         self._do(
             *("ACQ:STOP", "ACQ:RST", f"ACQ:DEC {self._decimation}", "ACQ:AVG ON"),
             *("ACQ:DATA:FORMAT ASCII", "ACQ:DATA:UNITS VOLTS"),
-            # The delay counts from the middle of the buffer, so that the drive's samples are its last values.
+            # The board counts this delay, in samples, from the middle of its buffer. With this value the
+            # samples of the drive are the last ones in the buffer.
             f"ACQ:TRIG:DLY {samples + 1 - BUFFER // 2}",
         )
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the generator, whose trigger starts the acquisition."""
+        """Start the generator, whose trigger starts the acquisition. RigError before `load` and `arm`."""
         check_ready(self.capabilities, self._volts, self._samples)
         self._do("ACQ:START", "ACQ:TRIG AWG_PE", "OUTPUT1:STATE ON")
         self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
@@ -175,7 +183,12 @@ class RedPitayaRig:
         self._ends = time.monotonic() + self._lasts
 
     def fetch(self) -> Array:
-        """Return all samples [inputs, n], V, when the buffer is full; before, n is 0."""
+        """Return all samples [inputs, n], V, when the buffer is full; before, n is 0.
+
+        Raises:
+            RigError: no run is active, the buffer does not fill in time, an input was out of range, or the
+                recorded drive is another signal than the loaded one.
+        """
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if self._link.ask("ACQ:TRIG:FILL?") != "1":
@@ -212,8 +225,8 @@ class RedPitayaRig:
         self._do(f"SOUR1:VOLT {max(share * self._amplitude, _LEAST):.6f}")
 
     def _read(self, channel: int) -> Array:
-        """Return the samples [n] of a channel, V, from the first value of the drive on. The trigger is one
-        sample earlier."""
+        """Return the samples [n] of the fast input `channel` (1 or 2), V, from the first value of the drive
+        on, one sample after the trigger. RigError if the answer is wrong or the input was out of range."""
         query = f"ACQ:SOUR{channel}:DATA?"
         said = self._link.ask(query)
         try:

@@ -22,18 +22,19 @@ T = TypeVar("T", bound=Any)
 class GeneratorCommands(NamedTuple):
     """A family of generators: the pattern of its ``*IDN?`` answer, its abilities, and its commands.
 
-    In commands, {n} is the number of the output, {rate} the update rate in Hz, and {volts} the amplitude in V
-    from peak to peak. Tables are sent as blocks of 16-bit integers, little-endian, from -`full` to `full`. If
-    `shifted`, `full` + 1 is added to each integer, so that all are positive.
+    `before` are the commands before the upload of a table, `after` those after it. In commands, {n} is the
+    number of the output, {rate} the update rate in Hz, and {volts} the amplitude in V from peak to peak.
+    `max_rate` is the largest update rate, Hz. Tables are sent as blocks of 16-bit integers, little-endian,
+    from -`full` to `full`. If `shifted`, `full` + 1 is added to each integer, so that all are positive.
     """
 
     name: str
     known_by: str  # regular expression that the answer to *IDN? contains
     volts: float  # largest output voltage of either sign, V into a high impedance
-    least: float  # smallest amplitude, V from peak to peak
+    least: float  # smallest amplitude that can be set, V from peak to peak
     points: int  # largest number of values of a table
-    shortest: int  # smallest number of values of a table
-    full: int  # integer of the largest voltage, before a shift; its negative is the smallest voltage
+    shortest: int  # smallest number of values of a table; zeros are appended to a shorter one
+    full: int  # integer that means half of the amplitude, before a shift; -`full` means its negative
     shifted: bool
     off: str
     before: tuple[str, ...]
@@ -43,8 +44,9 @@ class GeneratorCommands(NamedTuple):
     on: str
     trigger: str
     max_rate: float
-    packet: int = 0  # largest number of values in one block; 0: no limit
-    parts: tuple[str, str] = ("", "")  # text of {more} in `upload`: for a block before the last, for the last
+    packet: int = 0  # largest number of table values in one binary block; 0: no limit
+    # Text of {more} in the command `upload`: for all blocks before the last one, and for the last one.
+    parts: tuple[str, str] = ("", "")
 
 
 KEYSIGHT_33500 = GeneratorCommands(
@@ -120,12 +122,12 @@ GENERATORS = (KEYSIGHT_33500, RIGOL_DG1000Z)
 
 
 class Generator:
-    """One output of a function generator.
+    """One output of a function generator, which is switched off first; `table` has its family's commands.
 
     Args:
         where: "HOST", "HOST:PORT" or a VISA resource, as for `ScpiInstrument`.
         output: number of the output.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Raises:
         RigError: nobody answers there, or the instrument is in no family of `GENERATORS`.
@@ -144,8 +146,8 @@ class Generator:
     def load(self, values: Array, rate: float) -> None:
         """Upload a table of values [n], V at the generator, with `rate` values per second.
 
-        The values must start and end at 0 V. The output stays off, and the generator then waits for a
-        trigger.
+        The values must start and end at 0 V. The output is switched off and stays off; the generator then
+        waits for a trigger. RigError if the generator reports an error.
         """
         one = self.table
         values = np.append(values, np.zeros(max(one.shortest - values.size, 0)))
@@ -170,11 +172,14 @@ class Generator:
         self._do(self.table.trigger)
 
     def fade(self, share: float) -> None:
-        """Set the amplitude to a fraction `share` of that of the loaded table."""
+        """Set the amplitude to the fraction `share` of the loaded table's amplitude, at least `least`."""
         self._do(self.table.amplitude, volts=max(share * self._volts, self.table.least))
 
     def off(self) -> None:
-        """Switch the output off. The command is sent even after missing answers to earlier commands."""
+        """Switch the output off. The command is sent even if answers to earlier commands were missing.
+
+        RigError if the generator reports an error or does not answer.
+        """
         command = self.table.off.format(n=self._n)
         self.link.tell(command)
         self.link.check(command)
@@ -187,10 +192,10 @@ class Generator:
 
 
 def known(link: ScpiInstrument, tables: tuple[T, ...]) -> T:
-    """Return the command table, one of `tables`, of the family that an instrument's identity belongs to.
+    """Return the first of the command tables `tables` whose pattern fits the identity of the instrument.
 
     Raises:
-        RigError: the instrument belongs to none of the families.
+        RigError: no pattern fits, so the instrument belongs to none of the families.
     """
     for table in tables:
         if re.search(table.known_by, link.identity):

@@ -17,8 +17,10 @@ from ...protocols import Array, RigError
 from ...scpi import ScpiInstrument
 from .generators import known
 
-_POLL = 0.01  # pause between two queries for the state, s
-_BEYOND = 1.5  # largest credible voltage of either sign, as a multiple of the channel's voltage range
+_POLL = 0.01  # pause between two queries for the state of the acquisition, s
+# Largest credible voltage of either sign, as a multiple of the channel's voltage range; a larger one is an
+# error.
+_BEYOND = 1.5
 _ARMED = 5.0  # longest time that an oscilloscope may take until it waits for a trigger, s
 
 
@@ -39,8 +41,10 @@ class Preamble(NamedTuple):
 class OscilloscopeCommands(NamedTuple):
     """A family of oscilloscopes: the pattern of its ``*IDN?`` answer, and its commands.
 
-    In commands, {n} is a channel and {span} the voltage range of the screen, V; {division} is an eighth of
-    the range. {source} is the trigger source and {level} the trigger level, V. {length} is the time on the
+    `before` are commands of the first set-up, `channel` those of a recorded channel, `screen` those of time
+    and trigger, `single` those that arm, and `wave` those before a transfer of samples. `state` and `data`
+    are queries. In commands, {n} is a channel and {span} its voltage range, V; {division} is an eighth of the
+    range. {source} is the trigger source and {level} the trigger level, V. {length} is the time on the
     screen, s; {half} and {tenth} are a half and a tenth of this time.
     """
 
@@ -53,15 +57,16 @@ class OscilloscopeCommands(NamedTuple):
     screen: tuple[str, ...]
     single: tuple[str, ...]
     state: str
-    waits: Callable[[str], bool]  # returns True for the answer to `state` that means: waits for the trigger
-    over: Callable[[str], bool]  # returns True for the answer to `state` that means: acquisition ended
+    waits: Callable[[str], bool]  # returns True for an answer to `state` that says: waits for the trigger
+    over: Callable[[str], bool]  # returns True for an answer to `state` that says: the acquisition has ended
     stop: str
     wave: tuple[str, ...]
     preamble: Callable[[ScpiInstrument], Preamble]
     data: str
-    kind: str  # NumPy data type of the integers of a recording
-    clipped: tuple[int, int]  # integers that mean: below the voltage range, above it
-    decades: tuple[float, ...] = (1.0, 2.0, 5.0)  # possible times of a tenth of the screen, in each decade
+    kind: str  # NumPy data type of the integers that `data` returns
+    clipped: tuple[int, int]  # integers of samples below the voltage range, and of samples above it
+    # Times per division (a tenth of the screen) that can be set, as multiples of a power of ten, s.
+    decades: tuple[float, ...] = (1.0, 2.0, 5.0)
 
 
 def _ten_numbers(link: ScpiInstrument) -> list[float]:
@@ -171,7 +176,7 @@ RIGOL = OscilloscopeCommands(
 TEKTRONIX = OscilloscopeCommands(
     name="Tektronix MSO, DPO, MDO 2000, 3000, 4000",
     known_by=r"TEKTRONIX,\s*(MSO|DPO|MDO)[234]\d\d\d",
-    errors="*ESR?;EVM?",  # without *ESR? before it, EVM? does not report new events
+    errors="*ESR?;EVM?",  # EVM? reports new events only after *ESR?
     before=(
         "*CLS",
         "HEAD OFF",
@@ -208,13 +213,15 @@ OSCILLOSCOPES = (INFINIIVISION, RIGOL, TEKTRONIX)
 
 
 class Oscilloscope:
-    """An oscilloscope that records from a trigger on.
+    """An oscilloscope that records from a trigger on; `table` has its family's commands.
+
+    `length` is the time on the screen, s, after `arm`; 0 before.
 
     Args:
         where: "HOST", "HOST:PORT" or a VISA resource, as for `ScpiInstrument`.
         source: trigger source as the instrument calls it, such as "EXT" or "CHAN1".
         level: trigger level, V.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Raises:
         RigError: nobody answers there, or the instrument is in no family of `OSCILLOSCOPES`.
@@ -237,9 +244,9 @@ class Oscilloscope:
         """Set up the recorded channels and the recorded time.
 
         Args:
-            spans: voltage range of each recorded channel by its number, V from bottom to top; all other
-                channels are hidden.
-            length: recorded time after the trigger, s; rounded up to the next time that the screen can have.
+            spans: voltage range of each recorded channel by its number, V from bottom to top; channels that
+                an earlier call has shown and that are not recorded now are hidden.
+            length: recorded time after the trigger, s; rounded up to the next time that the screen can show.
         """
         length = 10.0 * _step_up(0.1 * length, self.table.decades)
         given = {
@@ -281,13 +288,13 @@ class Oscilloscope:
         self.link.do(self.table.stop)
 
     def read(self, channel: int, times: Array) -> Array:
-        """Return the voltages [n], V, of a channel at n equidistant times after the trigger, s.
+        """Return the voltages [n], V, of a channel at n equidistant times, s from the trigger.
 
         The samples of the instrument are interpolated linearly.
 
         Raises:
-            RigError: the samples do not cover these times or are too far apart, or the signal was out of
-                range.
+            RigError: the samples do not cover these times or are farther apart than the times, the signal
+                was out of range, or the answer is wrong.
         """
         one = self.table
         for command in one.wave:

@@ -31,29 +31,29 @@ from ...table import (
 from .generators import Generator
 from .oscilloscopes import Oscilloscope
 
-_SAMPLES = 50_000  # largest number of samples of a recording; InfiniiVision returns 62,500 points of a screen
-_SPAN = 8.0  # default voltage range of an input, V from the bottom to the top of the screen
+_SAMPLES = 50_000  # largest number of samples of a recording; an InfiniiVision has 62,500 on its screen
+_SPAN = 8.0  # default of `spans`: voltage from the bottom to the top of the screen, V
 _POLL = 0.02  # pause between two queries for the end of the acquisition, s
-_JITTER = 1e-6  # uncertainty of the delay between output and recording, s; assumed for a trigger by cable
-_LATE = 5.0  # time after the end of the screen within which the acquisition must end, s
+_JITTER = 1e-6  # uncertainty of the delay between output and recording, s; assumed for a trigger cable
+_LATE = 5.0  # time after the end of the recorded time within which the acquisition must have ended, s
 
 
 class PairRig:
     """A function generator and an oscilloscope that use SCPI, together as a `protocols.Rig`.
 
     Args:
-        generator, oscilloscope: "HOST", "HOST:PORT" (default port 5025; Rigol 5555, Tektronix 4000), or a
-            VISA resource (needs pyvisa).
+        generator, oscilloscope: address: "HOST" (port 5025), "HOST:PORT" (Rigol's port is 5555, Tektronix's
+            4000), or a VISA resource (needs pyvisa).
         gain: gain of the amplifier, V at the piezo per V of the generator.
-        inputs: oscilloscope channel of each input, such as {"gauge": 2}, all in V. The input "drive" is the
-            loaded drive, unless a channel measures it.
-        spans: V from the bottom to the top of the screen, for each input; 8 V by default.
-        rate: Hz, of output and inputs.
-        ramp: V/s at the piezo, slew of the ramp to 0 V that ends each drive.
+        inputs: oscilloscope channel by name of the rig's input, such as {"gauge": 2}, all in V. The rig also
+            has an input "drive": the loaded drive, unless a channel has this name.
+        spans: voltage from the bottom to the top of the screen, V, by name of the input; 8 V by default.
+        rate: update rate of the output and sampling rate of the inputs, Hz.
+        ramp: slew rate of the ramp to 0 V that ends each drive, V/s at the piezo.
         output: number of the generator's output.
         trigger: trigger source as the oscilloscope calls it, such as "EXT" or "CHAN1".
         level: trigger level, V.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Raises:
         RigError: an instrument does not answer, or its family is unknown.
@@ -69,7 +69,7 @@ class PairRig:
         ports=(5025, 5555, 4000),
     )
 
-    # A search asks this client last at an address, because other devices also answer *IDN?.
+    # `attached.probe` asks this client last at an address, because other devices also answer its query *IDN?.
     asked_last: ClassVar[bool] = True
 
     @staticmethod
@@ -114,7 +114,8 @@ class PairRig:
         self._volts: Array = np.zeros(0)
         self._inputs: tuple[str, ...] = ()
         self._samples, self._running = 0, False
-        # Duration of the table, s; latest ends of the table and of the acquisition, s of the monotonic clock.
+        # Duration of the table, s; time at which the table ends, and latest time at which the acquisition
+        # must have ended, s of `time.monotonic`.
         self._lasts = self._ends = self._over = 0.0
         self.capabilities = Capabilities(
             name=f"{one.name} and {self._oscilloscope.table.name}",
@@ -131,8 +132,8 @@ class PairRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return attributes for the recording: "device", a JSON text with both identities, gain and
-        channels."""
+        """Return attributes of a recording, whatever its number of `runs`: "device", a JSON text with both
+        identities, gain and channels."""
         del runs
         known = {
             "generator": self._generator.link.identity,
@@ -143,7 +144,11 @@ class PairRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Upload the drive [n], V at the piezo, one value per update, with a ramp to 0 V at its end."""
+        """Upload the drive [n], V at the piezo, one value per update, with a ramp to 0 V at its end.
+
+        Raises:
+            RigError: drive and ramp exceed the generator's table or voltage range, or it refuses them.
+        """
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)
         within(can.name, table, can.min_voltage, can.max_voltage, self._generator.table.points)
@@ -153,17 +158,19 @@ class PairRig:
         self._lasts = table.size / self._rate
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Set up the oscilloscope to record `samples` samples of these inputs after the trigger."""
+        """Set up the oscilloscope to record `samples` samples of these inputs after the trigger. RigError for
+        an unknown input or too many samples."""
         can = self.capabilities
         check_inputs(can, inputs, samples)
         read = [name for name in inputs if name in self._channels]
-        shown = read or list(self._channels)[:1]  # without a channel no acquisition would show the run's end
+        shown = read or list(self._channels)[:1]  # at least one channel: its acquisition shows the run's end
         spans = {self._channels[name]: self._spans.get(name, _SPAN) for name in shown}
         self._oscilloscope.arm(spans, (samples + 1) / self._rate)
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Arm the oscilloscope, then trigger the generator, whose sync output triggers the oscilloscope."""
+        """Arm the oscilloscope, switch the output on and trigger the generator, whose sync output triggers
+        the oscilloscope. RigError before `load` and `arm`, or if the oscilloscope does not get ready."""
         check_ready(self.capabilities, self._volts, self._samples)
         self._oscilloscope.start()
         self._generator.on()
@@ -173,7 +180,12 @@ class PairRig:
         self._over = time.monotonic() + self._oscilloscope.length + _LATE
 
     def fetch(self) -> Array:
-        """Return all samples [inputs, n], V, when the acquisition has ended; before, n is 0."""
+        """Return all samples [inputs, n], V, when the acquisition has ended; before, n is 0.
+
+        Raises:
+            RigError: no run is active, the acquisition does not end in time, a signal was out of range, or
+                the recorded drive is another signal than the loaded one.
+        """
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if not self._oscilloscope.over():

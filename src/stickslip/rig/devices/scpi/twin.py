@@ -13,7 +13,7 @@ from .twin_wiring import Wiring
 
 
 class InstrumentPair(NamedTuple):
-    """Simulated generator and oscilloscope; each needs a server of its own."""
+    """Simulated generator and oscilloscope with common wiring; each needs a `TwinServer` of its own."""
 
     generator: GeneratorTwin
     oscilloscope: OscilloscopeTwin
@@ -23,7 +23,7 @@ def make_pair(stages: list[Stage], seed: int = 0, clock: Clock | None = None) ->
     """Return both simulated instruments, connected by an amplifier (15 V/V), a stage and a sensor (10 um/V).
 
     Args:
-        stages: the first one is used.
+        stages: simulated stages, of which only the first one is used.
         seed: not used, because these twins have no noise by default.
         clock: clock of the motions; by default the computer's.
     """

@@ -1,8 +1,8 @@
 """Twin (simulated device) of a function generator, with the commands of Keysight's 33500 or Rigol's DG1000Z.
 
-Made from their programming guides, without hardware. Assumed: the output is constant between two values of a
-table; before and after a burst it has the table's first value; an output that is switched off is at 0 V at
-once; the sync output rises when a burst starts.
+Written after their programming guides, without hardware. Assumed: the output is constant between two values
+of a table; before and after a burst it has the table's first value; an output that is switched off is at 0 V
+at once; the sync output rises when a burst starts.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ GENERATORS = {
     "33500": "Agilent Technologies,33522B,MY52800001,3.03-1.19-2.00-52-00",
     "dg1000z": "Rigol Technologies,DG1032Z,DG1ZA000000001,03.01.12",
 }
-_CHUNK = 0.02  # duration of the part of a table that is simulated as one piece, s
-_EDGE = 0.02  # duration of the output's jump to a new value, as a fraction of the update interval
+_CHUNK = 0.02  # duration of the part of a table that is simulated at once, s
+_EDGE = 0.02  # duration of the output's jump to a new table value, as a fraction of the update interval
 
 
 class GeneratorTwin(ScpiDevice):
@@ -75,11 +75,16 @@ class GeneratorTwin(ScpiDevice):
         return keep
 
     def _upload_dac(self, given: list[str], block: bytes) -> None:
-        """Load the table from a binary block of 16-bit integers or, without a block, from numbers in text.
+        """Load the table from a binary block of 16-bit integers or, without a block, from numbers as texts.
+
+        The integers are from -32767 to 32767, which mean half of the amplitude.
 
         Args:
             given: suffix of the header, name of the waveform, then the numbers.
             block: the binary block, empty if there is none.
+
+        Raises:
+            ScpiError: the table has fewer than 8 or more than 1,000,000 values, or a value is out of range.
         """
         low_first = self._settings.get("FORM:BORD", "NORM").upper().startswith("SWAP")
         if block:
@@ -122,7 +127,11 @@ class GeneratorTwin(ScpiDevice):
                 heard(self._wiring.clock.now())
 
     def _pieces(self) -> Iterator[Piece]:
-        """Yield the drive at the piezo in pieces, each with the amplitude set when the piece is simulated."""
+        """Yield the drive at the piezo in pieces; last, a piece at the table's first value.
+
+        Each piece has the amplitude that is set when it is simulated. Without the cable "output" the drive
+        is 0 V.
+        """
         tick, size = 1.0 / self._rate, max(round(_CHUNK * self._rate), 1)
         for first in range(0, self._table.size, size):
             values = self._table[first : first + size] * (0.5 * self.amplitude * self._wiring.gain)

@@ -1,7 +1,7 @@
 """Twin (simulated device) of an oscilloscope, with the commands of InfiniiVision, Rigol's MSO5000 or
 Tektronix's DPO3000.
 
-Made from their programming guides, without hardware. In all families the screen has 5,000 samples with a
+Written after their programming guides, without hardware. In all families the screen has 5,000 samples with a
 resolution of 12 bits (8 bits if the data are requested as bytes).
 """
 
@@ -34,7 +34,8 @@ class OscilloscopeTwin(ScpiDevice):
         super().__init__(OSCILLOSCOPES[family], "EVM?" if family == "dpo3000" else "SYST:ERR?")
         self._wiring, self._source, self.lock = wiring, 1, wiring.lock
         self._spans = dict.fromkeys(range(1, 5), 8.0)
-        self._length, self._middle = 1e-3, 0.0  # time on the screen; middle of the screen after trigger, s
+        # Time from the left to the right end of the screen, s; time from the trigger to its middle, s.
+        self._length, self._middle = 1e-3, 0.0
         self._armed, self._began, self._ended = False, None, False
         self._settings: dict[str, str] = {"WAV:FORM": "BYTE"}
         wiring.triggers.append(self._triggered)
@@ -143,13 +144,15 @@ class OscilloscopeTwin(ScpiDevice):
 
     def _unit(self) -> tuple[float, float, float]:
         """Return the sampling interval [s], the voltage per 12-bit integer [V] of the chosen channel, and the
-        time of the first sample after the trigger [s]."""
+        time from the trigger to the first sample [s], negative if the sample is earlier."""
         return self._length / _POINTS, self._spans[self._source] / _LEVELS, self._middle - 0.5 * self._length
 
     def _ten(self) -> str:
-        """Return the preamble: ten numbers as text that scale the samples, for Keysight and Rigol.
+        """Return the preamble of Keysight and Rigol, ten numbers as text from which programs scale the
+        samples.
 
-        Their origin of voltages is in V and in integers, respectively; here it is 0 in both.
+        Both makers' preambles contain the origin of voltages, Keysight's in V and Rigol's as an integer; here
+        it is 0, so that one preamble fits both.
         """
         tick, unit, begin = self._unit()
         word = self._settings["WAV:FORM"].upper().startswith("WORD")

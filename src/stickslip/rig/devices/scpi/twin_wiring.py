@@ -21,7 +21,8 @@ class Wiring:
     Args:
         stage: the stage that the amplifier drives.
         gain: gain of the amplifier, V/V.
-        per_volt: scale of the sensor on channel 2, m/V; channel 1 is connected to the generator's output.
+        per_volt: scale of the end-effector's position sensor on channel 2, m/V. Channel 1 is connected to the
+            generator's output.
         noise: standard deviation of the sensor's output, V.
         clock: clock of the motions; by default the computer's.
 
@@ -36,12 +37,12 @@ class Wiring:
         noise: float | str = 0.0,
         clock: Clock | None = None,
     ) -> None:
-        # The lock is shared, because the servers of both instruments use one stage from two threads.
+        # The generator's and the oscilloscope's servers use one stage from two threads: they share this lock.
         self.clock, self.lock = clock or WallClock(), threading.RLock()
         self.stage, self.gain, self.per_volt, self.noise = stage, gain, per_volt, to_si(noise, "V", "noise")
         self.axis = Axis(stage, self.clock, self._heard)
         self.cables = {"output", "sync", "sensor"}
-        self.triggers: list[Any] = []  # functions that are called with the start time of each burst, s
+        self.triggers: list[Any] = []  # functions to call with the start time of each burst, s of the clock
         self._zero, self._random = stage.position, np.random.default_rng(5)
         self._paths: list[Path] = []
 
@@ -52,22 +53,23 @@ class Wiring:
             return self.axis.state()[0]
 
     def put_out(self, pieces: Iterator[Piece]) -> None:
-        """Start to play pieces of drive at the piezo. The oscilloscope's recording starts with them."""
-        self.axis.advance()  # simulates earlier pieces now, so that they do not enter the new recording
+        """Start to play pieces of drive at the piezo, and forget the simulated signals of earlier ones."""
+        # Earlier pieces are simulated now, before the start, so that they do not enter the new recording.
+        self.axis.advance()
         self._paths = []
         self.axis.begin(pieces)
 
     @property
     def played(self) -> float:
-        """Duration of the pieces that were simulated since the start, s; infinite if none will follow."""
+        """Duration of the pieces of drive that were simulated since `put_out`, s; infinite once all were."""
         moving = self.axis.moving
         return sum(float(path.times[-1]) for path in self._paths) if moving else math.inf
 
     def seen(self, channel: int, times: Array) -> Array:
-        """Return the voltages [n], V, at an oscilloscope channel, at times [n] after the start of the
-        pieces, s.
+        """Return the voltages [n], V, at an oscilloscope channel at times [n], s from the last `put_out`.
 
-        Channel 1 is the generator's output and 2 the sensor. Others, and unplugged cables, have 0 V.
+        Channel 1 shows the generator's output, channel 2 the sensor with its noise. Other channels, and
+        channels with an unplugged cable, have 0 V.
         """
         self.axis.advance()
         plug = {1: "output", 2: "sensor"}.get(channel, "")

@@ -12,7 +12,7 @@ from ...positioner import Ranges
 from ...protocols import About, RigError
 
 PORT = 55551
-_FULL, _SCALE = 100.0, 65535  # full-scale voltage of steps and scans, V, and the number that means it
+_FULL, _SCALE = 100.0, 65535  # largest voltage of steps and scans, V, and its number in commands
 _MOVING, _SENSOR = 1 << 0, 1 << 5
 _ASK = b":SYST:ERR?"
 _ERROR, _WHOLE = re.compile(r"[+-]?[0-9]+,"), re.compile(r"[+-]?[0-9]{1,18}")
@@ -20,12 +20,14 @@ _MOST_ERRORS, _MOST_AXES = 64, 64
 
 
 class Mcs2Client:
-    """Client of an MCS2 controller, with the methods of `Positioner`. Its axes are its channels, from 0.
+    """Client of an MCS2 controller, with the methods of `Positioner`.
+
+    Its axes are its channels, numbered from 0. It can also move in closed loop, by `go`.
 
     Args:
         host: address of the controller.
         port: TCP port of the ASCII interface.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Raises:
         RigError: nobody answers there, or the device is another one.
@@ -61,8 +63,11 @@ class Mcs2Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start `count` open-loop steps of this amplitude [V] and step rate [Hz]; a negative count is
-        backwards."""
+        """Start `count` open-loop steps and return at once; a negative count is backwards.
+
+        `voltage` is the amplitude [V], `frequency` the step rate [Hz]. Raises QuantityError for a value
+        outside `ranges`, and RigError if the controller refuses.
+        """
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         self._do(f":CHAN{axis}:STEP:AMPL {max(round(voltage / _FULL * _SCALE), 1)}")
@@ -78,14 +83,15 @@ class Mcs2Client:
         self._do(f":MOVE{axis} {round(voltage / _FULL * _SCALE)}")
 
     def go(self, axis: int, position: float | str) -> None:
-        """Start a closed-loop motion to a position, in m from the zero of the axis's sensor."""
+        """Start a closed-loop motion to a position, in m from the zero of the axis's sensor; return at
+        once."""
         position = to_si(position, "m", "position")
         self.ranges.check(axis)
         self._do(f":CHAN{axis}:MMOD 0")
         self._do(f":MOVE{axis} {round(1e12 * position)}")
 
     def moving(self, axis: int) -> bool:
-        """Return True while the axis moves."""
+        """Return True while the axis moves. Holding a position is no motion."""
         self.ranges.check(axis)
         return bool(self._number(f":CHAN{axis}:STAT?") & _MOVING)
 
@@ -96,7 +102,7 @@ class Mcs2Client:
         return 1e-12 * self._number(f":CHAN{axis}:POS?")
 
     def stop(self) -> None:
-        """Stop the motions of all axes. The piezos keep their voltages."""
+        """Stop the motions of all axes. The piezos keep their voltages. RigError if it cannot be sent."""
         self._line.insist(lambda: self._do("\n".join(f":STOP{axis}" for axis in self.ranges.axes)))
 
     def close(self) -> None:
@@ -110,10 +116,10 @@ class Mcs2Client:
         return int(said)
 
     def _ask(self, command: str) -> str:
-        """Return the answer to a query.
+        """Return the answer to a query, without white space at its ends.
 
-        A query of the error queue is sent with each query. A refused query has no answer, so its error
-        arrives first.
+        A query of the error queue follows each query. A refused query has no answer, so that the report of
+        its error arrives first and no answer is awaited in vain.
 
         Raises:
             RigError: the query was refused, or its answer is late or invalid.
@@ -129,7 +135,7 @@ class Mcs2Client:
         self._check(command, self._sent(command))
 
     def _sent(self, command: str) -> str:
-        """Return the first line that arrives after a command and a query of the error queue."""
+        """Send a command and a query of the error queue; return the first line that arrives."""
         self._line.send(command.encode("latin-1") + b"\n" + _ASK + b"\n")
         return self._said(command)
 
@@ -137,10 +143,14 @@ class Mcs2Client:
         return self._line.until(b"\n", command.encode("latin-1")).decode("latin-1").strip()
 
     def _check(self, command: str, said: str) -> None:
-        """Empty the error queue of the controller, from whose answers `said` is the first.
+        """Empty the error queue of the controller and raise its oldest error.
+
+        Args:
+            command: the command that was sent, for the error.
+            said: answer to the first query of the queue.
 
         Raises:
-            RigError: the queue held an error; the message contains the oldest one.
+            RigError: the queue contained an error, or `said` is no answer of the queue.
         """
         if not _ERROR.match(said):
             self._line.fail(f"{command}, then {_ASK.decode()}: {said[:60]!r} came, late or garbage")

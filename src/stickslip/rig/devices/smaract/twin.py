@@ -2,7 +2,7 @@
 position sensor.
 
 Positions are in pm. The numbers 0 to 65535 of steps and scans correspond to 0 to 100 V. At power-on the
-position is 0 wherever the stage is; `:REF` finds the mark in the middle of the travel. Made from the drivers
+position is 0 wherever the stage is; `:REF` finds the mark in the middle of the travel. Written after drivers
 of BLISS (ESRF), EPICS and Kamzik3; error codes are those of the maker's public header. Assumed: the texts of
 errors other than SCPI's own; the closed loop (steps while the error is larger than about half a step, then
 the piezo within its stroke, every 2 ms); ideal calibration. Range limits, safe direction, sensor delay and
@@ -24,18 +24,19 @@ from ...twins.axis import Axis, Clock, WallClock, ramp, steps
 from ...twins.server import Lines
 from ...twins.stage import Piece, Stage
 
-FULL, FULL_SCALE = 100.0, 65535  # full-scale voltage of steps and scans, V, and the number that means it
+FULL, FULL_SCALE = 100.0, 65535  # largest voltage of steps and scans, V, and its number in commands
 _TICK = 2e-3  # sampling interval of the closed loop, s
 _WITHIN = 20e-9  # position error below which the target counts as reached, m
-_PATIENCE = 2000  # number of loop updates and bursts of steps after which the target counts as missed
-_QUEUE = 20  # largest number of errors in the queue; older ones are dropped
+_PATIENCE = 2000  # number of ramps and bursts of steps of a motion after which its target counts as missed
+_QUEUE = 20  # largest number of errors in the error queue; older ones are dropped
 _MODULE_CHANNELS = 3  # number of channels of one driver module
 _MOVING, _CLOSED, _REFERENCING = 1 << 0, 1 << 1, 1 << 3
 _SENSOR, _CALIBRATED, _REFERENCED, _END_STOP, _FAILED = 1 << 5, 1 << 6, 1 << 7, 1 << 8, 1 << 11
 _AMPLIFIER, _IN_POSITION = 1 << 18, 1 << 19
 _BACKWARD, _AUTO_ZERO, _ABORT_ON_END_STOP = 1 << 0, 1 << 2, 1 << 3
 
-# Settings of a channel by the name of their command: default, smallest and largest value.
+# Settings of a channel by the name of their command: default, smallest and largest value, in the units of the
+# protocol (pm, pm/s, Hz, ms, or a part of `FULL_SCALE` for voltages).
 _SETTINGS = {
     "MMOD": (0, 0, 4),
     "STEP:FREQ": (1000, 1, 20_000),
@@ -60,7 +61,7 @@ _SETTINGS = {
 _ALIASES = {"MCLF": "MCLF:CURR", "PTYPE": "PTYP", "PTYP:CODE": "PTYP", "POS:CURR": "POS"}
 _INVALID_PARAMETER, _INVALID_MODULE, _INVALID_CHANNEL = 19, 33, 34
 _SENSOR_DISABLED, _AMPLIFIER_DISABLED, _END_STOP_REACHED = 260, 262, 512
-_TEMPERATURE = "25"  # temperature that channels and modules report, deg C
+_TEMPERATURE = "25"  # temperature that all channels and modules report, deg C
 _NUMBER = re.compile(r"([+-]?[0-9]{1,18})(\.[0-9]{0,18})?", re.ASCII)
 _COMMAND = re.compile(r":?([A-Z*][A-Z*:]*?)(\d*)(:[A-Z:]+)?(\?)?(?:\s+(\S.*))?$")
 
@@ -86,25 +87,26 @@ class Mcs2Channel:
     def __init__(self, stage: Stage, clock: Clock, noise: float, seed: int) -> None:
         self.axis, self._noise = Axis(stage, clock), noise
         self._random = np.random.default_rng([seed, 2])
-        self._zero = stage.position  # position at which the sensor reads 0, m
+        self._zero = stage.position  # position at which the sensor reads 0, m from the middle of the travel
         self.settings = {name: default for name, (default, _, _) in _SETTINGS.items()}
         self.flags, self.target = 0, 0.0
 
     def read(self, at: float | None = None) -> float:
-        """Return a reading of the sensor, m, at the true position `at` [m]; None is the present one."""
+        """Return a noisy sensor reading, m, at the position `at` [m from mid-travel]; None: the present
+        one."""
         at = self.axis.state()[2] if at is None else at
         return at - self._zero + self._noise * float(self._random.standard_normal())
 
     def set_position(self, metres: float) -> None:
-        """Shift the sensor's zero so that the present position reads `metres`."""
+        """Shift the sensor's zero so that the present position reads `metres` [m]."""
         self._zero = self.axis.state()[2] - metres
 
     def move(self, value: int) -> None:
-        """Start a motion in the move mode of the settings.
+        """Start a motion in the mode of the setting MMOD, 0 to 4.
 
         Args:
-            value: absolute (mode 0) or relative (1) position in pm, absolute (2) or relative (3) voltage as a
-                number of which 65535 means 100 V, or number of steps (4).
+            value: in mode 0 the target position and in 1 a displacement, pm; in 2 the voltage and in 3 its
+                change, 65535 for 100 V; in 4 the number of steps, negative for backwards.
 
         Raises:
             CommandError: the amplifier or the sensor is switched off, or the voltage is out of range.
@@ -131,13 +133,13 @@ class Mcs2Channel:
             self.axis.begin(steps(stage, value, amplitude, float(self.settings["STEP:FREQ"])))
 
     def reference(self) -> None:
-        """Start a search for the reference mark, in the middle of the travel; the sensor then counts from
-        it."""
+        """Start a search for the reference mark in the middle of the travel; the sensor then counts from it.
+        The search turns round at the first end stop, or fails there if the setting REF:OPT says so."""
         self.flags = _REFERENCING
         self.axis.begin(self._to_mark(), forever=self.settings["HOLD"] < 0)
 
     def set(self, name: str, value: int) -> None:
-        """Change a setting of the channel; switching its amplifier off stops it.
+        """Change the setting `name` of `_SETTINGS`; switching the amplifier off (AMPL 0) stops the motion.
 
         Raises:
             CommandError: the value is outside the range of the setting.
@@ -164,10 +166,11 @@ class Mcs2Channel:
         return bits | (_END_STOP if self.axis.stage.stop_met else 0)
 
     def _to(self, target: float) -> Iterator[Piece]:
-        """Yield the drive of a closed-loop motion to a target [m]: steps while the target is far, then the
-        piezo alone, then the hold for the time of the settings.
+        """Yield the pieces of drive of a closed-loop motion to a target, m from the sensor's zero.
 
-        A missed target, or an end stop before it, sets the flag of a failed motion.
+        Steps bring the stage near the target, then the piezo alone moves, and then the position is held for
+        the time of the setting HOLD. A missed target, or an end stop before it, sets the flag of a failed
+        motion.
         """
         stage, gain = self.axis.stage, self.axis.stage.actuator.gain
         self.flags |= _CLOSED
@@ -196,13 +199,13 @@ class Mcs2Channel:
         self.flags &= ~_CLOSED
 
     def _nearer(self, error: float, gain: float) -> Iterator[Piece]:
-        """Yield some steps that reduce the position error [m], no faster than the velocity of the settings.
+        """Yield some steps that reduce `error` (target minus measured position, m), up to the setting VEL.
 
         Close to the target a ramp to half the full voltage follows, so that the piezo can move both ways.
         `gain` is the stage's displacement per voltage, m/V.
         """
         stage, frequency = self.axis.stage, float(min(self.settings["MCLF:CURR"], 100))
-        step = 0.5 * gain * FULL  # estimated length of a step with the full amplitude, m
+        step = 0.5 * gain * FULL  # rough length of a step with the full amplitude, m: half the stroke
         velocity = 1e-12 * self.settings["VEL"]
         if velocity > 0.0:
             frequency = min(frequency, max(velocity / step, 1.0))
@@ -222,7 +225,7 @@ class Mcs2Channel:
                     self.flags = _FAILED
                     return
                 way, turned = -way, True
-        # The mark is at position 0 of the stage: from now on the sensor counts from the mark.
+        # The mark is in the middle of the travel, at 0 m: from now on the sensor counts from the mark.
         self._zero = 0.0
         self.flags = _REFERENCED
         yield from self._to(0.0)
@@ -258,7 +261,8 @@ class Mcs2:
                 channel.axis.stop()
 
     def execute(self, line: str) -> str:
-        """Execute one command; return its answer, "" if it has none. Errors are added to the error queue."""
+        """Execute one command; return its answer, "" if none. Errors are not raised but added to the
+        queue."""
         try:
             found = _COMMAND.match(line.strip().upper())
             if found is None:
@@ -363,7 +367,7 @@ class Mcs2:
 
 
 class LineSession:
-    """A connection that receives and sends text lines."""
+    """One connection to `twin`, which receives commands and sends answers as lines of text."""
 
     greeting = b""
 
@@ -380,7 +384,7 @@ def _whole(argument: str | None) -> int:
     """Return the integer nearest to the number in an argument, because EPICS sends "3.0000" for 3.
 
     Raises:
-        CommandError: the argument is None or no number.
+        CommandError: the argument is None (missing) or no number.
     """
     if argument is None:
         raise CommandError(-109, "Missing parameter")

@@ -13,8 +13,9 @@ from ...protocols import About, RigError
 
 _HOST, _DEVICE = 0x01, 0x50
 _MOVING = 0b1111 << 4
-_UNASKED = (0x08D6, 0x08E1)  # messages to ignore: end of a motion, and status that another program requested
-_OLDER = 8  # largest number of frames that are read while an answer is awaited
+# Numbers of unsolicited messages, which are ignored: end of a motion, and status for another program.
+_UNASKED = (0x08D6, 0x08E1)
+_OLDER = 8  # largest number of messages that are read until the awaited answer must have come
 
 
 class Kim101Client:
@@ -25,7 +26,7 @@ class Kim101Client:
     Args:
         host: address, or serial port such as /dev/ttyUSB0 (needs pyserial).
         port: TCP port; None for a serial port.
-        timeout: s, for each answer.
+        timeout: longest wait for each answer, s.
 
     Raises:
         RigError: nobody answers there, or the device is another one.
@@ -59,8 +60,12 @@ class Kim101Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start `count` open-loop steps of this amplitude [V] and step rate [Hz], both rounded to integers; a
-        negative count is backwards."""
+        """Start `count` open-loop steps and return at once; a negative count is backwards.
+
+        `voltage` is the amplitude [V], `frequency` the step rate [Hz], both rounded to integers. All other
+        channels are disabled. Raises QuantityError for a value outside `ranges`, and RigError if the channel
+        is moving.
+        """
         voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
         self.ranges.check(axis, count, voltage, frequency)
         mask = 1 << (axis - 1)
@@ -98,7 +103,7 @@ class Kim101Client:
         self._ask(0x08E0, b"", 0x08E1)
 
     def _status(self, axis: int) -> tuple[int, int]:
-        """Return step count and status bits of a channel."""
+        """Return the step count and the status bits of a channel, in this order."""
         self.ranges.check(axis)
         data = self._ask(0x08E0, b"", 0x08E1)
         if len(data) != 56:
@@ -119,7 +124,8 @@ class Kim101Client:
             answer: APT message number of the answer.
 
         Raises:
-            RigError: the device refuses the request, or sends another message.
+            RigError: the device refuses the request, sends another message (unsolicited ones are ignored), or
+                does not answer in time.
         """
         self._send(message, data)
         asked, found = f"0x{message:04X}".encode(), 0

@@ -1,7 +1,7 @@
 """Twin (simulated device) of Thorlabs' KIM101: APT frames on TCP, up to four channels of inertia motors that
 count their steps.
 
-Made from the APT messages of the inertia motors (PZMOT) in the drivers of pylablib, InstrumentKit,
+Written after the APT messages of the inertia motors (PZMOT) in the drivers of pylablib, InstrumentKit,
 thorlabs-apt-protocol, EPICS and ARTIQ. Accelerations are stored, but steps start at full speed. Limit
 switches, home, panel, triggers and feedback are stored without effect. MOVE_COMPLETED is sent when a motion
 ends. Status messages are sent ten times a second after HW_START_UPDATEMSGS.
@@ -22,41 +22,49 @@ from ...twins.server import HangUp
 from ...twins.stage import Piece, Stage
 
 _HOST, _DEVICE = 0x01, 0x50
-_MASKS = {1: 0, 2: 1, 4: 2, 8: 3}  # channel as one bit (most messages) -> index of the channel
-_JOGGED = {1: 0, 2: 1, 3: 2, 4: 3, 8: 3}  # channel in a jog message, number or bit -> index of the channel
+# Index of the channel by its designation in most messages, which is one bit for each channel.
+_MASKS = {1: 0, 2: 1, 4: 2, 8: 3}
+# Index of the channel by its designation in a jog message, its number from 1; a bit 8 is accepted too.
+_JOGGED = {1: 0, 2: 1, 3: 2, 4: 3, 8: 3}
 _MODES: dict[int, set[int]] = {0: set(), 1: {0}, 2: {1}, 3: {2}, 4: {3}, 5: {0, 1}, 6: {2, 3}}
 _FORWARD, _BACKWARD, _STOPPED_FORWARD, _STOPPED_BACKWARD, _ENABLED = 1 << 5, 1 << 4, 1 << 1, 1 << 0, 1 << 31
 _JOGGING_FORWARD, _JOGGING_BACKWARD, _CONNECTED, _POWERED = 1 << 7, 1 << 6, 1 << 8, 1 << 28
 _UPDATE_INTERVAL = 0.1  # time between unsolicited status messages, s
-_UNACKNOWLEDGED = 50  # number of status messages without an acknowledgement after which they end
+_UNACKNOWLEDGED = 50  # number of periodic status messages that are sent without an acknowledgement
 _UPDATING = (0x0011, 0x0012, 0x08E2)
 _LONGEST = 256  # largest number of data bytes in a frame
 _DRIVE, _JOG = "<HII", "<HIIII"
-# Parameters that are stored without effect: number -> bytes of data after the channel. The trigger parameters
-# have no channel, so they are kept apart.
+# Parameters of a channel that are stored without effect: number of bytes of their data by their number. The
+# trigger parameters belong to no channel, so they are kept apart.
 _KEPT = {0x0B: 6, 0x0F: 12, 0x15: 20, 0x19: 32, 0x30: 6, 0x32: 4, 0x34: 4}
 _TRIGGERS, _TRIGGERS_LENGTHS = 0x17, (12, 24)
 
 
 class Kim101Channel:
-    """One channel of the controller: a simulated stage, its step count and its settings."""
+    """One channel of the controller: a simulated stage, its step count and its settings.
+
+    `steps` is the net number of steps put out so far, `kept` the data of settings without effect, by number.
+    """
 
     def __init__(self, stage: Stage, clock: Clock) -> None:
         self.axis = Axis(stage, clock)
         self.steps, self._direction, self._jogging = 0, 0, False
         self.kept = {sub: bytes(length) for sub, length in _KEPT.items()}
-        self.drive = [112, 500, 1000]  # amplitude [V], step rate [steps/s], acceleration [steps/s2]
-        # Mode (1: endless, 2: single), steps forward and backward, step rate [steps/s], acceleration.
+        # Settings of a motion: amplitude [V], step rate [steps/s], acceleration [steps/s2] (without effect).
+        self.drive = [112, 500, 1000]
+        # Settings of a jog: mode (1: endless, 2: a number of steps), number of steps forward and backward,
+        # step rate [steps/s], acceleration [steps/s2] (without effect).
         self.jog = [2, 100, 100, 500, 1000]
 
     def move(self, target: int | None, direction: int, rate: int, jogging: bool = False) -> None:
-        """Start a motion.
+        """Start a motion; the amplitude is that of the settings `drive`.
 
         Args:
             target: step count at which the motion ends; None for a motion without an end.
-            direction: 1 (forward) or -1 of a motion without an end; otherwise the target decides.
-            rate: steps/s.
-            jogging: the motion is a jog, which only changes the status bits.
+            direction: 1 (forward) or -1 (backward) for a motion without an end; otherwise ignored, because
+                the target decides.
+            rate: step rate, steps/s.
+            jogging: True for a jog, which the status bits report.
         """
         self._jogging = jogging
 
@@ -69,14 +77,14 @@ class Kim101Channel:
             amplitude, frequency = float(self.drive[0]), float(rate)
             made = steps(self.axis.stage, count, amplitude, way * frequency if count is None else frequency)
             for piece in made:
-                self.steps += way * _counted(piece, amplitude)  # when they are put out, not when requested
+                self.steps += way * _counted(piece, amplitude)  # counted when they are put out
                 yield piece
 
         self.axis.begin(pieces(), forever=target is None)
 
     @property
     def status(self) -> int:
-        """Status bits of the channel, as the device reports them: motion, direction, end stops."""
+        """Status bits of the channel, as the device reports them: motion, direction, jog, end stops."""
         moving, met = self.axis.moving, self.axis.stage.stop_met
         bits = (_FORWARD if self._direction > 0 else _BACKWARD) if moving else 0
         if moving and self._jogging:
@@ -86,7 +94,7 @@ class Kim101Channel:
 
 
 def _counted(piece: Piece, amplitude: float) -> int:
-    """Return the number of steps in a piece of drive: each step reaches the amplitude [V] once."""
+    """Return the number of steps in a piece of drive: each step has one point at the amplitude [V]."""
     return int((piece.volts == amplitude).sum())
 
 
@@ -119,7 +127,9 @@ class Kim101:
             channel.axis.stop()
 
     def execute(self, message: int, first: int, second: int, data: bytes) -> bytes:
-        """Execute one APT message and return the frames to send: ends of motions, then the answer.
+        """Execute one APT message; return the frames to send: ends of motions, then the answer, if any.
+
+        A message that is not understood is answered by the message 0x0081 (HW_RICHRESPONSE).
 
         Args:
             message: message number.
@@ -135,7 +145,7 @@ class Kim101:
     def _answer(self, message: int, first: int, second: int, data: bytes) -> bytes:
         if message == 0x0005:
             return _frame(0x0006, self._info())
-        if message in (0x0223, 0x0002):  # the messages identify and disconnect have no effect
+        if message in (0x0223, 0x0002):  # "identify" and "disconnect" have no effect here
             return b""
         if message == 0x0210:
             self._enable(self.enabled | {_MASKS[first]} if second == 1 else self.enabled - {_MASKS[first]})
@@ -182,7 +192,10 @@ class Kim101:
         self._awaited.add(index)
 
     def _jog(self, index: int, way: int) -> None:
-        """Start a jog forward (`way` 1) or backward (2), or stop (0). A disabled channel does nothing."""
+        """Start a jog of the channel with this index: `way` is 1 forward, 2 backward, 0 to stop.
+
+        A disabled channel does nothing.
+        """
         channel = self.channels[index]
         if index not in self.enabled:
             return
@@ -249,7 +262,10 @@ class Kim101:
         return struct.pack("<HH", sub, mask) + (channel.kept[sub] if sub in _KEPT else said[sub]())
 
     def status(self) -> bytes:
-        """Return a status message: step count and status bits of the four channels."""
+        """Return the bytes of a status message: step count and status bits of all four channels.
+
+        The values of channels without a stage are 0.
+        """
         made = b""
         for index in range(4):
             status, count = 0, 0
@@ -261,7 +277,7 @@ class Kim101:
         return _frame(0x08E1, made)
 
     def completed(self) -> bytes:
-        """Return a MOVE_COMPLETED message for each motion that has ended since the last call."""
+        """Return the bytes of a MOVE_COMPLETED message for each motion that has ended since the last call."""
         made = b""
         for index in sorted(self._awaited):
             channel = self.channels[index]
@@ -271,12 +287,12 @@ class Kim101:
         return made
 
     def _info(self) -> bytes:
-        head = struct.pack("<I8sHBBBB", self.serial, b"KIM101", 16, 1, 0, 1, 0)  # firmware 1.0.1
+        head = struct.pack("<I8sHBBBB", self.serial, b"KIM101", 16, 1, 0, 1, 0)  # firmware version 1.0.1
         return head + struct.pack("<46s14xHHH", b"Piezo inertia controller, a twin", 1, 0, 4)
 
 
 class FrameSession:
-    """A connection that splits the received bytes into frames."""
+    """One connection to `twin`, which splits the received bytes into frames (APT messages)."""
 
     greeting = b""
 
@@ -305,7 +321,10 @@ class FrameSession:
         return made
 
     def unasked(self) -> bytes:
-        """Return the unsolicited messages that are due: ends of motions, and a periodic status message."""
+        """Return the bytes of the unsolicited messages that are due; b"" if none.
+
+        They report ends of motions, and periodically the status if the program has requested so.
+        """
         made, now = self._twin.completed(), self._twin.clock.now()
         if self._updates_left and now >= self._next_update:
             self._updates_left, self._next_update = self._updates_left - 1, now + _UPDATE_INTERVAL
@@ -330,7 +349,7 @@ def _short(message: int, first: int, second: int) -> bytes:
 
 
 def _within(value: int, low: int, high: int) -> int:
-    """Clip a setting to its range, as the device does instead of refusing it."""
+    """Return a setting clipped to its range, as the device clips a value instead of refusing it."""
     return min(max(value, low), high)
 
 
