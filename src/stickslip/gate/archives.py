@@ -1,5 +1,5 @@
-"""Read NumPy's files of arrays: NPY, and NPZ, which are ZIP archives whose contents are counted before they
-are unpacked."""
+"""Read NumPy's files of arrays: NPY (one array), and NPZ (a ZIP archive of NPY files). The declared sizes in
+an archive are checked before its contents are unpacked."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from .errors import GateError
 from .files import name_of, opened
 from .limits import LIMITS, check_count, check_regular, check_size
 
-# Compression methods that NumPy writes. Others may reserve as much memory as a file declares.
+# Compression methods of a ZIP archive that NumPy writes. Other methods are refused, because their
+# decompression may reserve as much memory as a file declares.
 _PACKED = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
 
 
 class _Table(io.FileIO):
-    """Raw file whose `read` refuses to return more than `LIMITS.directory` bytes at once, so that `zipfile`
-    cannot load a huge table of contents.
+    """Raw file whose `read` raises GateError instead of returning more than `LIMITS.directory` bytes at once,
+    so that `zipfile` cannot load a huge table of contents.
 
     Args:
         path: path for the error message.
@@ -63,9 +64,11 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
                 members = {name: arrays[name] for name in arrays.files}
     except GateError:
         raise
-    except Exception as error:  # damage raises many types, from zlib.error to SyntaxError of a header
+    # A damaged file raises many types of errors, from zlib.error to SyntaxError in the header of an array.
+    except Exception as error:
         raise GateError(f"{path}: not a readable NPZ file (cut off or damaged?): {error}") from error
-    # NumPy returns bytes for members that are not .npy files, such as the parts of a workbook (.xlsx).
+    # For members that are not .npy files NumPy returns bytes. For example, an Excel workbook is also a ZIP
+    # archive.
     return {name: one for name, one in members.items() if isinstance(one, np.ndarray)}
 
 
@@ -73,11 +76,12 @@ def read_npy(path: Path, *, mapped: bool = False) -> np.ndarray:
     """Return the array of an NPY file, in memory or, if `mapped`, as a read-only memory map of the file.
 
     Raises:
-        GateError: the file is damaged, or contains Python objects.
+        GateError: there is no such regular file, or the file is damaged or contains Python objects.
     """
     check_regular(path)
     try:
         with opened(path) as file:
             return np.load(name_of(file), mmap_mode="r" if mapped else None, allow_pickle=False)
-    except Exception as error:  # the header is a Python expression, so damage raises many types
+    # The header of an NPY file is a Python expression, so a damaged file raises many types of errors.
+    except Exception as error:
         raise GateError(f"{path}: not a readable NPY file (cut off or damaged?): {error}") from error

@@ -13,10 +13,13 @@ from typing import Any, Protocol
 
 
 class Elsewhere(Protocol):
-    """A process that applies functions to files within limits of time and memory, and can be killed."""
+    """Interface of a fence: a process that applies functions to files within limits of time and memory, and
+    can be killed."""
 
     def within_limits(self, act: Callable[[Path], Any], path: Path) -> Any:
-        """Return the result of `act(path)`, computed in the process.
+        """Return the result of `act(path)`, computed in the fence's process.
+
+        The errors are those of `applied`.
 
         Args:
             act: a function at the top of a module, or a partial of one, so that it can be pickled.
@@ -26,7 +29,8 @@ class Elsewhere(Protocol):
 
 
 _PACKAGE = Path(__file__).parents[1]
-_FENCES: list[weakref.ref[Elsewhere]] = []  # the last fence that still exists is used
+# Fences given to `interpret_in`. The last one that still exists is used.
+_FENCES: list[weakref.ref[Elsewhere]] = []
 
 
 def interpret_in(fence: Elsewhere) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_LONGEST = 300  # largest number of characters that are quoted of another error's message
+# Largest number of characters of another error's message that a message quotes.
+_LONGEST = 300
 
 
 class GateError(ValueError):
@@ -18,14 +19,14 @@ class GateBusy(GateError):
 
 @contextmanager
 def damaged(kind: type[Exception], said: str) -> Iterator[None]:
-    """Convert every exception in the context to one documented type.
+    """Context that converts every exception raised in it to one documented type.
 
     Content that was damaged by hand or on a disk can raise almost any exception when it is interpreted.
     Errors of the given type, MemoryError and GateBusy pass unchanged.
 
     Args:
-        kind: the documented type of error.
-        said: start of the message: the file, perhaps with what is missing in it.
+        kind: the documented type of error, which is raised.
+        said: start of the message, usually the path of the file; the original error's message follows.
     """
     try:
         yield

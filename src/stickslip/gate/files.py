@@ -30,8 +30,9 @@ def opened(path: str | os.PathLike[str]) -> io.BufferedReader:
 
 
 def name_of(file: io.BufferedReader) -> str:
-    """Return a path that leads to an open file even if its own path now leads to another one (/dev/fd/N).
+    """Return a path of an open file by its descriptor (/dev/fd/N).
 
-    This is for libraries that accept only a path and open it themselves.
+    The path leads to this file even if another file has replaced it on the disk since it was opened and
+    checked. Libraries that accept only a path, and open it themselves, get this one.
     """
     return f"/dev/fd/{file.fileno()}"

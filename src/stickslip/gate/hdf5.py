@@ -34,9 +34,9 @@ class Hdf5Array:
     """An array of an HDF5 file, checked but not yet read.
 
     `kind` is NumPy's kind of the numbers ("i", "u", "f", "b", "c" for complex numbers), "r" for references to
-    objects, and "" for all other types, which are never read. `nbytes` is the memory that reading may take.
-    `identifier` is the array in h5py's low-level interface. An array with data in another file, or with too
-    many chunks or other filters, raises GateError.
+    objects, and "" for all other types, which are never read. `nbytes` is the memory that reading may take,
+    bytes. `identifier` is the array in h5py's low-level interface, None for the kind "". An array with data
+    in another file, too many chunks, or filters that `hdf5_chunks.filters_of` refuses, raises GateError.
     """
 
     def __init__(self, tree: Hdf5Tree, name: str, identifier: Any) -> None:
@@ -52,10 +52,10 @@ class Hdf5Array:
         stored = identifier.get_type()
         tree.visits(1, _parts(stored))
         self.kind = _kind(stored)
-        # An array that is never read is closed here, because its type may take much memory.
+        # An array that is never read is not kept open, because its data type may take much memory.
         self.identifier: Any = identifier if self.kind else None
         self.nbytes = math.prod(self.shape) * stored.get_size()
-        self._packed = 0  # unpacked bytes of a chunk that is compressed by gzip; 0 without gzip
+        self._packed = 0  # number of bytes to which a chunk compressed by gzip unpacks; 0 without gzip
         if layout == h5d.CHUNKED:
             part = plist.get_chunk()
             count = math.prod(-(-n // c) for n, c in zip(self.shape, part, strict=True))
@@ -70,12 +70,13 @@ class Hdf5Array:
         return bool(self.kind) and h5a.exists(self.identifier, attribute.encode())
 
     def attribute(self, name: str) -> Any:
-        """Return an attribute that is a text or numbers; None if it is missing or has another type."""
+        """Return an attribute that is a text, a number or an array of numbers; None if missing or
+        otherwise."""
         with _damage(self._tree.path):
             return self._tree.attribute(self.identifier, name.encode()) if self.has(name) else None
 
     def read(self, axis: int = 0, part: slice = _WHOLE) -> np.ndarray:
-        """Return the numbers of the array, or of the slice `part` along one axis.
+        """Return the numbers of the array, or those in the slice `part` (with step 1) along one axis.
 
         Raises:
             GateError: the array has no numbers, or a chunk of it unpacks to more than it declares.
@@ -122,9 +123,9 @@ class Hdf5Group:
 
 
 class Hdf5Tree:
-    """The groups and arrays of an open HDF5 file (an identifier of h5py's low-level interface).
+    """The groups and arrays of an open HDF5 file `file` (an identifier of h5py's low-level interface).
 
-    `hdf5_tree` makes a tree whose objects are all checked.
+    The group `root` contains all others, once `build` has checked and added them (see `hdf5_tree`).
     """
 
     def __init__(self, path: Path, file: Any) -> None:
@@ -144,10 +145,10 @@ class Hdf5Tree:
         check_size(self.path, self._declared)
 
     def array(self, name: str) -> Hdf5Array:
-        """Return one array of a file that was checked before. Only the array and its path are checked again.
+        """Return the array at a path such as "/group/array". Only this array and its path are checked.
 
         Raises:
-            GateError: the path is no array any longer, or leads through a link.
+            GateError: the path is no array any longer, or leads through a link into another place or file.
         """
         found = self.root.identifier
         for label in name.strip("/").encode().split(b"/"):
@@ -159,7 +160,7 @@ class Hdf5Tree:
         return Hdf5Array(self, name, found)
 
     def target(self, reference: Any, name: str) -> Hdf5Array | Hdf5Group:
-        """Return the object that a reference leads to; `name` is the array of the reference, for errors.
+        """Return the object that an HDF5 reference leads to; `name` is the array with it, for errors.
 
         Raises:
             GateError: the object is not in the tree.
@@ -171,9 +172,9 @@ class Hdf5Tree:
         return known
 
     def pairs(self, one: Hdf5Array, name: str) -> list[tuple[Hdf5Array | Hdf5Group, int]]:
-        """Return the objects and numbers of an attribute that is a list of pairs (reference, number).
+        """Return an attribute that is a list of pairs (reference, number) as pairs (object, number).
 
-        The list is empty if the array `one` has no such attribute `name`.
+        The list is empty if the array has no attribute `name` of this type.
 
         Raises:
             GateError: an object is not in the tree, or there are more pairs than `LIMITS` allows.
@@ -191,10 +192,10 @@ class Hdf5Tree:
             return [(self.target(pair[0], one.name), int(pair[1])) for pair in value.flat]
 
     def attributes(self, one: Hdf5Array | Hdf5Group, hidden: frozenset[str] = frozenset()) -> dict[str, Any]:
-        """Return the attributes of an object that are texts or numbers, by name, except those in `hidden`.
+        """Return the attributes of an array or group that are texts or numbers, by name, without `hidden`.
 
         Raises:
-            GateError: they take more bytes than `LIMITS` allows, or the file is damaged.
+            GateError: the attributes take more bytes than `LIMITS` allows, or the file is damaged.
         """
         names: list[bytes] = []
         with _damage(self.path):
@@ -205,7 +206,8 @@ class Hdf5Tree:
         return {name: value for name, value in found.items() if value is not None}
 
     def text_attribute(self, one: Hdf5Array | Hdf5Group, name: str) -> str:
-        """Return an attribute of an object as text; "" if it is missing or neither text nor numbers."""
+        """Return an attribute of an array or group as text; "" if it is missing or neither text nor
+        numbers."""
         if isinstance(one, Hdf5Array) and not one.kind:
             return ""
         with _damage(self.path):
@@ -215,16 +217,17 @@ class Hdf5Tree:
         return value.decode("latin-1") if isinstance(value, bytes) else "" if value is None else str(value)
 
     def attribute(self, identifier: Any, name: bytes) -> Any:
-        """Return an attribute of an object that is a text or numbers; None if it has another type."""
+        """Return an attribute of an object (h5py identifier) that is a text or numbers; None for other types.
+        Raises GateError if the attributes that were read so far take more bytes than `LIMITS` allows."""
         opened = h5a.open(identifier, name)
         stored, shape = opened.get_type(), opened.shape
         kind = stored.get_class()
-        # A text of variable length may be as long as the file, so an attribute of several texts is not read.
+        # Each text of variable length may be as long as the file, so a list of several texts is not read.
         text = kind == h5t.STRING and shape in ((), (1,), None)
         if not (text or (kind in _KINDS and shape is not None)):
             return None
         if shape is None:
-            return ""  # some programs store an empty text as a text without a value
+            return ""  # some programs store an empty text as an attribute without a value
         self._count_attribute(stored.get_size() * math.prod(shape))
         value = np.empty(shape, opened.dtype)
         opened.read(value)
@@ -239,7 +242,7 @@ class Hdf5Tree:
         check_count(self.path, self._attribute_bytes, LIMITS.attribute_bytes, "bytes of attributes")
 
     def _fill(self, group: Hdf5Group, depth: int) -> None:
-        """Check the members of a group and of the groups in it, and add them to the tree."""
+        """Check the members of a group, at a nesting depth, and those of its groups; add them to the tree."""
         identifier = group.identifier
         refuse_packed_names(self.path, group.name, identifier)
         check_count(self.path, identifier.get_num_objs(), LIMITS.visits, f"members in {group.name!r}")
@@ -262,7 +265,7 @@ class Hdf5Tree:
                 member = Hdf5Group(name, found)
                 self._fill(member, depth + 1)
             else:
-                continue  # a named data type contains no data
+                continue  # the member is a named data type, which contains no data
             group.members[self._name(label)] = member
 
     def _add(self, one: Hdf5Array | Hdf5Group, identifier: Any, depth: int) -> None:
@@ -282,7 +285,7 @@ def _index(order: int) -> int:
 
 
 def _parts(stored: Any) -> int:
-    """Return the number of types inside an HDF5 data type: its fields or elements, and the types in these."""
+    """Return the number of types in an HDF5 data type: fields, enum values or elements, and those in them."""
     kind = stored.get_class()
     if kind == h5t.ENUM:
         return int(stored.get_nmembers())
@@ -305,11 +308,11 @@ def _kind(stored: Any) -> str:
     try:
         return stored.dtype.kind
     except (TypeError, ValueError):
-        return ""  # NumPy has no type for this number
+        return ""  # NumPy has no type for the number format of this array
 
 
 def _is_complex(stored: Any) -> bool:
-    """Return True if a compound type is a complex number: two adjacent reals of one type, named as such."""
+    """Return True if a compound type is a complex number: two adjacent equal floats, real/imag or r/i."""
     if stored.get_nmembers() != 2:
         return False
     parts = [stored.get_member_type(k) for k in range(2)]
@@ -320,7 +323,7 @@ def _is_complex(stored: Any) -> bool:
 
 
 def is_hdf5(path: Path) -> bool:
-    """Return True if a file is HDF5, from its start or after a leading block such as MATLAB's."""
+    """Return True if a file is HDF5, perhaps with a leading block such as MATLAB's before the content."""
     with opened(path) as file:
         return h5f.is_hdf5(name_of(file).encode())
 
@@ -358,10 +361,11 @@ def hdf5_tree(path: Path) -> Iterator[Hdf5Tree]:
 
 
 def read_hdf5_array(path: Path, name: str, axis: int = 0, part: slice = _WHOLE) -> np.ndarray:
-    """Return the numbers of one array of a file that was checked before, or of the slice `part` of an axis.
+    """Return the numbers of the array `name` ("/group/array") of a file that was checked before by
+    `hdf5_tree`, or those in the slice `part` (with step 1) along one axis.
 
     Raises:
-        GateError: the array does not exist any longer, or `Hdf5Array` refuses it.
+        GateError: the array does not exist any longer, has no numbers, or `Hdf5Array` refuses it.
     """
     with _opened(path) as tree:
         with _damage(path):
@@ -383,10 +387,7 @@ def _opened(path: Path) -> Iterator[Hdf5Tree]:
 
 @contextmanager
 def _damage(path: Path) -> Iterator[None]:
-    """Convert each error in the context to a GateError with one sentence about the file.
-
-    The HDF5 library reports damage by several types of errors.
-    """
+    """Context that converts the many types of errors that a damaged file causes to a GateError."""
     try:
         yield
     except GateError:

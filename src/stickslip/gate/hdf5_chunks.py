@@ -45,9 +45,11 @@ def filters_of(path: Path, name: str, plist: Any) -> list[int]:
 
 
 def refuse_packed_names(path: Path, name: str, group: Any) -> None:
-    """Raise GateError if the table of member names of a group is compressed: it is unpacked without limit."""
+    """Raise GateError if a group's table of member names is compressed, because the HDF5 library would unpack
+    the table to any size. `name` is that of the group for the message, `group` its h5py identifier."""
     plist = group.get_create_plist()
-    h5i.inc_ref(plist)  # two Python objects own the property list, and each releases it once
+    # Two Python objects own this property list, and each of them releases the list once.
+    h5i.inc_ref(plist)
     if h5p.PropDCID(plist.id).get_nfilters():
         raise GateError(f"{path}: the table of names of {name!r} is packed; save it unpacked")
 
@@ -59,16 +61,18 @@ def check_chunks(path: Path, name: str, array: Any, chunk_bytes: int, axis: int,
         path: path of the file.
         name: name of the array for error messages.
         array: identifier of the array, from h5py's low-level interface.
-        chunk_bytes: bytes to which one chunk may unpack.
+        chunk_bytes: number of bytes to which one chunk may unpack.
         axis: axis along which a part of the array is to be read.
         beyond: end of this part: chunks that start at this index or later are not unpacked here.
 
     Raises:
-        GateError: a chunk unpacks to more, or together the chunks are larger than the file, so some overlap.
+        GateError: a chunk is damaged or unpacks to more bytes; or the chunks together are larger than the
+            file, so some share bytes.
     """
     plist = array.get_create_plist()
     codes = [plist.get_filter(i)[0] for i in range(plist.get_nfilters())]
-    gzip = 1 << codes.index(h5z.FILTER_DEFLATE)  # its bit in a chunk's mask of filters that were not applied
+    # A chunk has a mask with a bit for each filter that was not applied to it. This is the bit of gzip.
+    gzip = 1 << codes.index(h5z.FILTER_DEFLATE)
     stored: list[Any] = []
     array.chunk_iter(stored.append)
     if sum(one.size for one in stored) > path.stat().st_size:
@@ -76,7 +80,8 @@ def check_chunks(path: Path, name: str, array: Any, chunk_bytes: int, axis: int,
     for one in (one for one in stored if one.chunk_offset[axis] < beyond):
         mask, packed = array.read_direct_chunk(one.chunk_offset)
         if mask & gzip:
-            continue  # this chunk is stored without gzip: it is as large as its bytes in the file
+            # This chunk is stored without gzip, so it cannot unpack to more than its bytes in the file.
+            continue
         try:
             unpacked = zlib.decompressobj().decompress(packed, chunk_bytes + 1)
         except zlib.error as error:

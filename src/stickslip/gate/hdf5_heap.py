@@ -1,7 +1,7 @@
-"""Check the tables of texts in HDF5 files (global heaps) before the HDF5 library reads one.
+"""Check the tables of texts in HDF5 files (global heaps) before the HDF5 library reads a table.
 
-The library steps from text to text by the lengths in the table. With a length of zero, or one that leads
-beyond the table, it never ends.
+The library steps from text to text by the lengths in the table. If a length is zero or leads beyond the
+table, the library never returns.
 """
 
 from __future__ import annotations
@@ -17,12 +17,18 @@ from .errors import GateError
 from .files import opened
 from .limits import LIMITS, check_count
 
-_SIGN = b"GCOL\1\0\0\0"  # signature of a table, with its version and reserved bytes
-_HEAD = 16  # number of bytes of a table's head: the signature, then the length of the table
-_BLOCK = 1 << 22  # number of bytes of the file that are searched at once
-_REMEMBERED = 16  # number of checked files that are not checked again unless they change
+# Signature at the start of a table: the letters GCOL, version 1, and three reserved bytes.
+_SIGN = b"GCOL\1\0\0\0"
+# Number of bytes of a table's head: the signature (8 bytes), then the length of the table (8 bytes).
+_HEAD = 16
+# Number of bytes of the file that are searched for signatures at once.
+_BLOCK = 1 << 22
+# Number of checked files that are remembered, so that they are not checked again unless they change.
+_REMEMBERED = 16
+# Remembered files: device, inode, size and time of the last change of each.
 _CHECKED: list[tuple[int, ...]] = []
-_TEXT = struct.Struct("<HH4xQ")  # head of a text: its number (0: free space), reference count, length
+# Head of a text in a table: number of the text (0: free space), count of references to it, length in bytes.
+_TEXT = struct.Struct("<HH4xQ")
 
 
 def check_heaps(path: Path, sizes: tuple[int, int]) -> None:
@@ -30,10 +36,10 @@ def check_heaps(path: Path, sizes: tuple[int, int]) -> None:
 
     Args:
         path: the file.
-        sizes: number of bytes of an address and of a length in the file.
+        sizes: number of bytes of an address and of a length in the file, from its header.
 
     Raises:
-        GateError: the file has such a table, more texts than `LIMITS` allows, or sizes other than 8 bytes.
+        GateError: the file has such a table, more texts than `LIMITS.chunks`, or sizes other than 8 bytes.
     """
     if sizes != (8, 8):
         raise GateError(f"{path}: an HDF5 file with addresses of {sizes[0]} bytes; 8 are read: save it again")
@@ -51,9 +57,9 @@ def check_heaps(path: Path, sizes: tuple[int, int]) -> None:
 
 
 def _tables(file: BinaryIO) -> Iterator[int]:
-    """Yield the byte offset of each table's signature in a file.
+    """Yield the byte offset of each table's signature in an open file, from the current position.
 
-    The file is searched in blocks, because `mmap.find` takes 2.5 s for a file of 1 GB.
+    The file is searched in blocks, which is faster than `mmap.find` (2.5 s for a file of 1 GB).
     """
     begin, rest = 0, b""
     while block := file.read(_BLOCK):
@@ -67,7 +73,13 @@ def _tables(file: BinaryIO) -> Iterator[int]:
 
 
 def _texts(path: Path, content: mmap.mmap, at: int, most: int) -> int:
-    """Return the number of texts in the table at byte offset `at`; counting stops above `most`.
+    """Return the number of texts in a table of the HDF5 file.
+
+    Args:
+        path: path for error messages.
+        content: bytes of the whole file.
+        at: byte offset of the table.
+        most: largest number that is counted; counting stops above.
 
     Raises:
         GateError: the length of a text is zero or leads beyond the table.

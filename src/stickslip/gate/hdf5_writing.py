@@ -10,7 +10,8 @@ import h5py
 
 
 class Field(NamedTuple):
-    """A field to write: an array, a number or a text, with its attributes by name."""
+    """A field (HDF5 dataset) to write: its `value`, an array, a number or a text, and its `attributes` by
+    name."""
 
     value: Any
     attributes: Mapping[str, Any] = {}
@@ -35,10 +36,10 @@ def hdf5_version() -> str:
 
 
 def hdf5_bytes(root: Group) -> memoryview:
-    """Return the bytes of an HDF5 file with the content of a root group.
+    """Return the bytes of an HDF5 file whose root group is `root`, with everything in it.
 
-    The file is made in memory, because on a full disk the HDF5 library crashes the process when it closes a
-    file.
+    The file is made in memory, because the HDF5 library crashes the process when it closes a file on a full
+    disk.
     """
     content = io.BytesIO()
     with h5py.File(content, "w", track_order=True) as file:

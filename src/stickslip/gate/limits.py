@@ -60,10 +60,11 @@ LIMITS = FileLimits()
 
 
 def check_regular(path: Path) -> None:
-    """Raise GateError unless a path is a regular file, because reading a pipe or a device may never end.
+    """Raise GateError unless a path is that of an existing regular file: reading a pipe or a device may never
+    end.
 
-    A large sparse file, of which less than the part 1/`LIMITS.ratio` was ever written, is refused too: it
-    needs no disk space, but all of its size would be read.
+    A large sparse file, of which less than the fraction 1/`LIMITS.ratio` was ever written, is refused too:
+    the file needs little disk space, but all of its size would be read.
     """
     try:
         status = path.stat()
@@ -80,9 +81,10 @@ def check_regular(path: Path) -> None:
 
 
 def _written_bytes(path: Path, size: int, enough: int) -> int:
-    """Return the number of bytes of a sparse file that were written, without its holes.
+    """Return the number of bytes of a sparse file that were ever written, without its holes.
 
-    Counting stops at `enough` bytes. If the system does not report holes, `size` is returned.
+    Counting stops when `enough` bytes are found. If the system does not report holes, `size`, the size of the
+    file in bytes, is returned.
     """
     found = at = 0
     with opened(path) as file:
@@ -91,21 +93,24 @@ def _written_bytes(path: Path, size: int, enough: int) -> int:
                 start = os.lseek(file.fileno(), at, os.SEEK_DATA)
                 at = os.lseek(file.fileno(), start, os.SEEK_HOLE)
             except OSError as error:
-                return found if error.errno == errno.ENXIO else size  # ENXIO: only a hole follows
-            except AttributeError:  # only Linux has SEEK_DATA
+                # The error ENXIO means that no data follow, only a hole up to the end of the file.
+                return found if error.errno == errno.ENXIO else size
+            # Some systems have no SEEK_DATA.
+            except AttributeError:
                 return size
             found += at - start
     return found
 
 
 def allowed_bytes(path: Path) -> int:
-    """Return the number of bytes that the arrays of a file may take in memory, from `LIMITS` and its size."""
+    """Return the number of bytes that the arrays of a file may take in memory: `LIMITS.ratio` times the
+    file's size, and at least `LIMITS.unpacked`."""
     return max(LIMITS.unpacked, LIMITS.ratio * path.stat().st_size)
 
 
 def check_size(path: Path, declared: int, what: str = "arrays") -> None:
-    """Raise GateError if a file declares more bytes than it may unpack to; `what` names the data in the
-    message."""
+    """Raise GateError if the data in a file, which declare a size of `declared` bytes, exceed
+    `allowed_bytes`; `what` names the data in the message."""
     allowed = allowed_bytes(path)
     if declared > allowed:
         raise GateError(
@@ -123,19 +128,20 @@ def check_count(path: Path, found: int, most: int, what: str) -> None:
 
 
 class Visits:
-    """Counter of the visits to objects of one file, which limits their number, depth and computing time.
+    """Counter of a reader's visits to the objects (groups, arrays, cells) of one file.
 
-    An object counts once for each path that leads to it.
+    It limits the number of visits, the nesting depth, and the processor time since the counter was made. An
+    object counts once for each path that leads to it.
     """
 
     def __init__(self, path: Path) -> None:
         self._path, self._count, self._begun = path, 0, time.thread_time()
 
     def __call__(self, depth: int, count: int = 1) -> None:
-        """Count `count` objects at a nesting depth.
+        """Count `count` visits to objects at a nesting depth (1: the top level).
 
         Raises:
-            GateError: the number of visits, the depth or the computing time exceeds `LIMITS`.
+            GateError: the number of visits, the depth or the processor time exceeds `LIMITS`.
         """
         self._count += count
         check_count(self._path, self._count, LIMITS.visits, "groups, arrays and cells (or some in a circle)")

@@ -18,20 +18,31 @@ from .errors import GateError
 from .files import opened
 from .limits import LIMITS, Visits, allowed_bytes, check_count, check_size
 
-_HEADER = 128  # number of bytes before the first variable in a file of version 5
-_SUBSYSTEM = 8  # number of bytes before the first variable in the hidden data of MATLAB objects
-_MATRIX, _COMPRESSED = 14, 15  # types of elements
-_CELL, _STRUCTURE, _OBJECT, _CHARACTERS, _SPARSE = range(1, 6)  # classes of matrices
-_LAST_NUMBERS, _FUNCTION, _OPAQUE = 15, 16, 17  # further classes; 6 to 15 are dense matrices of numbers
-_COMPLEX = 1 << 11  # flag of a matrix of complex numbers
-_MOST_AXES = 32  # largest number of axes of an array (NumPy's limit)
-_PART = 1 << 20  # largest number of bytes that are unpacked at once
-_SIZES = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}  # bytes of a number in version 4, by the digit of its type
+# Number of bytes before the first variable in a file of version 5.
+_HEADER = 128
+# Number of bytes before the first variable in the hidden data of MATLAB objects.
+_SUBSYSTEM = 8
+# Codes of the types of elements: a matrix (any variable), and a compressed element.
+_MATRIX, _COMPRESSED = 14, 15
+# Codes of the classes of matrices: cell array, structure, object of an old class, characters, sparse matrix.
+_CELL, _STRUCTURE, _OBJECT, _CHARACTERS, _SPARSE = range(1, 6)
+# Codes of further classes: the last of those for dense matrices of numbers (6 to 15), function, object
+# (opaque).
+_LAST_NUMBERS, _FUNCTION, _OPAQUE = 15, 16, 17
+# Bit in the flags of a matrix that is set for complex numbers.
+_COMPLEX = 1 << 11
+# Largest number of axes of an array, which is NumPy's limit for SciPy.
+_MOST_AXES = 32
+# Largest number of bytes that are unpacked at once.
+_PART = 1 << 20
+# Number of bytes of one number in version 4, by the digit of the variable's type code that selects its
+# format.
+_SIZES = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
 
 
 class _End(Exception):
-    """Signal that the bytes end too early or are no MAT file. The check then ends without an error, because
-    SciPy reports this one."""
+    """Internal signal that the bytes end too early or are no MAT file. The check then ends without an error,
+    because SciPy reads the same bytes later and reports the fault."""
 
 
 class _Bytes:
@@ -47,7 +58,8 @@ class _Bytes:
         self.path, self.order, self.visits = path, order, Visits(path)
         self.unpacked = 0
         self._file, self._most = file, allowed_bytes(path)
-        self._packed = 0  # number of compressed bytes of a variable that are still to be read
+        # Number of bytes of the current compressed variable that are still to be read from the file.
+        self._packed = 0
         self._unpack: zlib._Decompress | None = None  # pyright: ignore[reportPrivateUsage]
         self._ready = b""
 
@@ -56,13 +68,15 @@ class _Bytes:
         self._packed, self._unpack, self._ready = length, zlib.decompressobj(), b""
 
     def end_packed(self) -> None:
-        """Unpack and count the rest of a compressed variable, and leave it."""
+        """Unpack and count the remaining bytes of the compressed variable; then reads are from the file
+        again. Raises GateError if the unpacked size exceeds `LIMITS`."""
         while self._more():
             pass
         self._unpack = None
 
     def take(self, count: int) -> bytes:
-        """Return the next `count` bytes. Raises `_End` if there are fewer, or `count` exceeds 1 MiB."""
+        """Return the next `count` bytes of the file, or of the unpacked compressed variable. Raises `_End` if
+        there are fewer bytes, or if `count` exceeds 1 MiB."""
         if count > _PART:
             raise _End
         if self._unpack is None:
@@ -76,7 +90,7 @@ class _Bytes:
         return found
 
     def skip(self, count: int) -> None:
-        """Skip the next `count` bytes."""
+        """Skip the next `count` bytes. Raises `_End` if a compressed variable has fewer."""
         if self._unpack is None:
             self._file.seek(count, os.SEEK_CUR)
             return
@@ -107,23 +121,26 @@ class _Bytes:
         return b""
 
     def element(self) -> bytes:
-        """Return the data of the next element, which must be short (a name, the sizes of a matrix)."""
+        """Return the data of the next element, such as a name or the sizes of a matrix. Raises `_End` if the
+        data are longer than 1 MiB."""
         length, after = self.tag()
         found = self.take(length)
         self.skip(after)
         return found
 
     def pass_element(self) -> int:
-        """Skip the next element (numbers, characters) and return its length in bytes."""
+        """Skip the next element (numbers, characters) and return the length of its data, bytes, without tag
+        and padding."""
         length, after = self.tag()
         self.skip(length + after)
         return length
 
     def tag(self) -> tuple[int, int]:
-        """Read the tag of the next element; return the length of its data and of the padding behind, in
-        bytes."""
+        """Read the tag (type and length) of the next element; return the length of its data, and of the
+        padding behind the data, bytes."""
         (first,) = struct.unpack(f"{self.order}I", self.take(4))
-        if first >> 16:  # a short element, whose data (up to four bytes) are inside its tag
+        # A short element contains its data (up to four bytes) in its tag.
+        if first >> 16:
             return min(first >> 16, 4), 4 - min(first >> 16, 4)
         (length,) = struct.unpack(f"{self.order}I", self.take(4))
         return length, -length % 8
@@ -138,6 +155,7 @@ def check_matlab5(path: Path) -> dict[str, str]:
 
     Raises:
         GateError: the number of variables or cells, their depth, or the unpacked size exceeds `LIMITS`.
+        OSError: the file cannot be opened.
     """
     variables: dict[str, str] = {}
     with opened(path) as file:
@@ -193,9 +211,17 @@ def _check_5(data: _Bytes, file: BinaryIO, variables: dict[str, str]) -> None:
 
 
 def _check_matrix(data: _Bytes, depth: int, variables: dict[str, str]) -> None:
-    """Read one matrix, whose tag was read, and the matrices in it, and count them.
+    """Read one matrix (a variable or cell), whose tag was read, and the matrices in it, and count them.
 
-    The name of the matrix is added to `variables`, with its class name if it is a MATLAB object, else "".
+    Args:
+        data: reader of the file, behind the tag.
+        depth: nesting depth of the matrix, 1 for a variable.
+        variables: mapping to which the matrix is added by its name: its class name if it is a MATLAB object,
+            else "".
+
+    Raises:
+        GateError: a limit in `LIMITS` is exceeded.
+        _End: the bytes end too early, or are no matrix.
     """
     data.visits(depth)
     data.take(8)

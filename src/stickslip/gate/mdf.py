@@ -16,30 +16,39 @@ from .errors import GateError
 from .files import opened
 from .limits import LIMITS, Visits, allowed_bytes, check_count, check_size
 
-_HEADER = 64  # byte offset of the first block (HD)
-_BLOCK = struct.Struct("<4s4xQQ")  # head of a block: kind, length, number of links
-# By kind of block: index of the link to the next block of this kind, and indices of the links to blocks below
-# it that asammdf follows.
+# Byte offset of the first block, whose kind is HD.
+_HEADER = 64
+# Head of each block: kind (four letters), length in bytes, number of links.
+_BLOCK = struct.Struct("<4s4xQQ")
+# _NEXT: index of the link to the next block in a list of blocks, by kind of block. _INTO: indices of the
+# links to blocks one level deeper that asammdf follows, by kind of block.
 _NEXT = {b"##DG": 0, b"##CG": 0, b"##CN": 0, b"##FH": 0, b"##AT": 0, b"##EV": 0}
 _INTO = {b"##HD": (0, 1, 3, 4), b"##DG": (1,), b"##CG": (1,), b"##CN": (1, 4), b"##CA": (0,)}
-_DATA = {b"##DG": 2, b"##CN": 5}  # by kind of block: index of the link to the block of its numbers
-_LISTS = {b"##DL", b"##HL", b"##LD"}  # kinds of blocks that list blocks of numbers
-_PACKED = struct.Struct("<2sB5xQQ")  # compressed block: original type, method, bytes unpacked and packed
-_FIRST_REFERENCE = 4  # index of the first link of a conversion (CC) to another conversion or a text
+# Index of the link to the block with the measured numbers, by kind of block.
+_DATA = {b"##DG": 2, b"##CN": 5}
+# Kinds of blocks that contain links to blocks of numbers.
+_LISTS = {b"##DL", b"##HL", b"##LD"}
+# Head of a compressed block: type of the original block, compression method, number of bytes unpacked and
+# packed.
+_PACKED = struct.Struct("<2sB5xQQ")
+# Index of the first link of a conversion (block CC) that leads to another conversion or to a text.
+_FIRST_REFERENCE = 4
 
 
 def check_mdf(path: Path) -> None:
-    """Refuse an MDF file that asammdf would not read in bounded time and memory; other files pass.
+    """Refuse an MDF file that asammdf would not read in bounded time and memory; files of other formats pass.
 
     Raises:
-        GateError: the file has another version than 4 or XML with entities, or its number of blocks, their
-            depth or the unpacked size exceeds `LIMITS`, perhaps by a cycle.
+        GateError: the file is damaged, has another version than 4 or XML with entities, or its number of
+            blocks, their depth or the unpacked size exceeds `LIMITS`, perhaps by a cycle.
+        OSError: the file cannot be opened.
     """
     with opened(path) as file:
         head = file.read(12)
         if head[:8] not in (b"MDF     ", b"UnFinMF "):
             return
-        if head[8:9] != b"4":  # asammdf reads older versions, whose structure is not checked here
+        # The package asammdf would also read older versions, but their structure is not checked here.
+        if head[8:9] != b"4":
             version = head[8:].decode("ascii", "replace").strip(" \0")
             raise GateError(f"{path}: an MDF file of version {version}; 4 is read")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
@@ -55,10 +64,12 @@ def check_mdf(path: Path) -> None:
 class _Blocks:
     def __init__(self, path: Path, content: mmap.mmap) -> None:
         self._path, self._content, self._visits = path, content, Visits(path)
-        self._parts = self._unpacked = 0  # number of blocks of numbers so far, and of their unpacked bytes
+        # Number of blocks of numbers that were counted so far, and their unpacked size, bytes.
+        self._parts = self._unpacked = 0
 
     def check(self) -> None:
-        """Visit all blocks along the links that asammdf follows, and count them."""
+        """Visit all blocks along the links that asammdf follows, and count them. Raises GateError if a limit
+        in `LIMITS` is exceeded."""
         open_: list[tuple[int, int]] = [(_HEADER, 1)]
         while open_:
             at, depth = open_.pop()
@@ -75,8 +86,8 @@ class _Blocks:
                 self._measure(link)
 
     def _block(self, at: int) -> tuple[bytes, tuple[int, ...]]:
-        """Return kind and links (byte offsets) of the block at byte offset `at`; b"" and () if it is outside
-        the file."""
+        """Return kind and links (byte offsets) of the block at byte offset `at`; b"" and () if the offset is
+        outside the file or 0. Raises GateError if the block has too many links."""
         if not 0 < at <= len(self._content) - _BLOCK.size:
             return b"", ()
         kind, length, count = _BLOCK.unpack_from(self._content, at)
@@ -92,8 +103,8 @@ class _Blocks:
         check_count(self._path, math.prod(sizes), LIMITS.channels, "elements of an array channel")
 
     def _measure(self, at: int) -> None:
-        """Count the blocks of numbers that are reached from the block at byte offset `at`, and their unpacked
-        bytes."""
+        """Count the blocks of numbers that are reached from the block at byte offset `at`, and add up their
+        unpacked bytes. Raises GateError if their number or size exceeds `LIMITS`."""
         open_ = [at]
         while open_:
             at = open_.pop()
@@ -112,7 +123,8 @@ class _Blocks:
                 check_size(self._path, self._unpacked, "blocks of numbers")
 
     def _unpack(self, at: int) -> int:
-        """Return the number of bytes to which a compressed block declares to unpack.
+        """Return the number of bytes to which a compressed block unpacks, as declared in its head at byte
+        offset `at`. The block is unpacked as a check, if that size is allowed.
 
         Raises:
             GateError: the block unpacks to more, or is compressed by another method than zip.

@@ -12,15 +12,19 @@ from .files import opened
 from .hdf5 import Hdf5Array, Hdf5Tree, hdf5_tree, is_hdf5
 from .limits import LIMITS, check_count, check_regular
 
-# Names of the HDF5 attributes in which NetCDF stores its axes; they are no attributes of the data.
+# Names of the HDF5 attributes in which NetCDF stores its axes. They are not returned as attributes of
+# variables.
 _AXES = ["REFERENCE_LIST", "CLASS", "DIMENSION_LIST", "NAME", "_Netcdf4Dimid", "_Netcdf4Coordinates"]
 _OWN = frozenset([*_AXES, "_nc3_strict", "_NCProperties"])
 _AXIS_ALONE = "This is a netCDF dimension but not a netCDF variable"
-_OF_ANOTHER_AXIS = "_nc4_non_coord_"  # stored prefix of a variable named like an axis that it does not define
+# Prefix in the file of the name of a variable that has the same name as an axis, but does not define this
+# axis.
+_OF_ANOTHER_AXIS = "_nc4_non_coord_"
 
 
 class NetcdfVariable(NamedTuple):
-    """A variable of a NetCDF file: names of its axes, its numbers with these axes, and its attributes."""
+    """A variable of a NetCDF file: names of its `axes`; its numbers as an array with these axes, `values`;
+    and its `attributes` by name (texts or numbers)."""
 
     axes: tuple[str, ...]
     values: np.ndarray
@@ -71,9 +75,14 @@ def _is_axis_alone(scale: Hdf5Array) -> bool:
 
 
 def _axes(tree: Hdf5Tree, arrays: dict[str, Hdf5Array], scales: set[str]) -> dict[str, tuple[str, ...]]:
-    """Return the names of the axes of each array, "axis 0" for an unnamed one.
+    """Return the names of the axes of each array, by the name of the array; an axis without a name is "axis
+    0", "axis 1", ... by its number.
 
-    In the file, each array in `scales` (an axis) lists the arrays and the array axes that it belongs to.
+    Args:
+        tree: the file.
+        arrays: arrays of the root group by name.
+        scales: names of the arrays that define axes. In the file, each of them lists the arrays and the
+            numbers of their axes to which it belongs (attribute REFERENCE_LIST).
     """
     found = {name: [f"axis {k}" for k in range(len(one.shape))] for name, one in arrays.items()}
     for axis in sorted(scales):
@@ -88,7 +97,8 @@ def _axes(tree: Hdf5Tree, arrays: dict[str, Hdf5Array], scales: set[str]) -> dic
 
 
 def netcdf_columns(path: Path) -> dict[str, np.ndarray]:
-    """Return the numeric variables that are no axes, by name, each flattened to one column of floats.
+    """Return the numeric variables of a NetCDF file that do not define an axis, by name, each flattened to
+    one column of floats.
 
     Raises:
         GateError: `read_netcdf` refuses the file.

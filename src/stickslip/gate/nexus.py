@@ -9,15 +9,19 @@ from .errors import GateError
 from .hdf5 import Hdf5Array, Hdf5Group, hdf5_tree
 from .netcdf import Netcdf, NetcdfVariable
 
-DATA = "/entry/data"  # path of the group that contains the samples
-ATTRIBUTES = "/entry/recording"  # path of the group that has the recording's attributes
-# Names of attributes that belong to the NeXus format, not to the recording or to its variables.
+# Path in the file of the group that contains the samples.
+DATA = "/entry/data"
+# Path in the file of the group whose attributes are those of the recording.
+ATTRIBUTES = "/entry/recording"
+# Names of attributes that belong to the NeXus format: not to the recording (first), not to its variables
+# (second).
 OF_RECORDING = frozenset(["NX_class"])
 OF_VARIABLE = frozenset(["target"])
 
 
 def read_nexus(path: Path) -> Netcdf:
-    """Return the variables and attributes of a recording in a NeXus file.
+    """Return the variables and attributes of a recording in a NeXus file; the only axis of each variable is
+    "time".
 
     Raises:
         GateError: the file is damaged, refers to other files, or was not written by this package.

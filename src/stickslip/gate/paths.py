@@ -1,4 +1,5 @@
-"""Paths of files that a file, a manifest or a page names. Only paths inside one folder are allowed."""
+"""Check of relative paths that come from outside: from a file, a manifest or a web page. Only paths inside
+one folder are allowed."""
 
 from __future__ import annotations
 
@@ -8,9 +9,12 @@ from pathlib import Path
 
 from .errors import GateError
 
-LONGEST_NAME = 400  # largest number of characters of a path; file systems allow 255 for each part
-_SHOWN = 60  # largest number of characters of a name that a message quotes
-_NOT_PLAIN = "\\:"  # refused characters: on Windows they lead to another drive or to a stream of a file
+# Largest number of characters of a relative path; file systems allow 255 for each part.
+LONGEST_NAME = 400
+# Largest number of characters of a path that a message quotes.
+_SHOWN = 60
+# Refused characters: on Windows they lead to another drive, or to a hidden stream of a file.
+_NOT_PLAIN = "\\:"
 
 
 def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") -> Path:
@@ -22,8 +26,8 @@ def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") 
         called: name of the folder in error messages.
 
     Raises:
-        GateError: the name is absolute, too long, or leads out of the folder by dots or by a link; a part is
-            empty, hidden or not printable; or the path is a pipe or a device.
+        GateError: the name is absolute, too long, or leads out of the folder by dots or by a link; `is_name`
+            refuses a part; or the path is a pipe or a device.
     """
     shown = repr(name[:_SHOWN])
     parts = name.split("/")
@@ -36,21 +40,25 @@ def inside(root: str | os.PathLike[str], name: str, called: str = "the folder") 
             raise GateError(f"{shown} leads out of {called}")
         if not is_plain(found):
             raise GateError(f"{shown} is no plain file")
-    except OSError as error:  # for example, a part is too long for the file system
+    # For example, a part is too long for the file system.
+    except OSError as error:
         raise GateError(f"{shown} is no name of a file in {called}: {error.strerror}") from error
     return found
 
 
 def is_name(part: str) -> bool:
-    """Return True if a part of a path may be used: printable, not empty, not hidden, no ":" or backslash."""
+    """Return True if a part of a path (a name between slashes) may be used: printable, not empty, without a
+    leading dot (hidden), without ":" and backslash."""
     plain = part.isprintable() and not any(bad in part for bad in _NOT_PLAIN)
     return plain and part != "" and not part.startswith(".")
 
 
 def is_plain(path: Path) -> bool:
-    """Return True if a path is a file or a folder, or does not exist. Opening a pipe could wait forever."""
+    """Return True if a path is a regular file or a folder, or does not exist; False for a pipe or a device,
+    whose opening could wait forever."""
     try:
-        mode = os.stat(path).st_mode  # one call, because another process may create the file between two
+        # A single call is used, because another process may create or replace the file between two calls.
+        mode = os.stat(path).st_mode
     except (FileNotFoundError, NotADirectoryError):
         return True
     return stat.S_ISREG(mode) or stat.S_ISDIR(mode)

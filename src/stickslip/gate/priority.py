@@ -12,7 +12,9 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-LAST = 10  # nice value (0 is normal, 19 the lowest priority) of fits, studies and the process for files
+# Nice value (0 is the normal, 19 the lowest priority) of processes with long computations: fits, studies, and
+# the process that parses files.
+LAST = 10
 
 
 def come_first(nice: int) -> None:
@@ -34,6 +36,7 @@ def come_last() -> None:
     Ctrl-C and the end of a terminal then no longer end it, so the program that started it must do so.
     """
     if hasattr(os, "setpriority"):
-        with suppress(OSError):  # raised if the process already leads a session or a process group
+        # OSError is raised if the process already leads a process group.
+        with suppress(OSError):
             os.setsid()
         os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0), LAST))

@@ -28,10 +28,16 @@ from typing import Any
 from .errors import GateBusy, GateError
 from .priority import come_last
 
-STUCK = 8.0  # waiting time for a file over its allowed processor time, after which the machine is too busy
-MOST_WAITING = 8  # largest number of requests that wait at a time; others are refused and may be repeated
-_STARTS = 60.0  # longest time for starting the process on a busy machine, s
-_REMEMBERED = 500  # largest number of files that are remembered as being at fault
+# Longest waiting time for a file, as a multiple of its allowed processor time. After that the machine is too
+# busy, and the process is killed.
+STUCK = 8.0
+# Largest number of requests at a time, one of which is processed while the others wait. Further requests are
+# refused by GateBusy and may be repeated.
+MOST_WAITING = 8
+# Longest time for starting the process on a busy machine, s.
+_STARTS = 60.0
+# Largest number of files that are remembered because they exceeded a limit or crashed the process.
+_REMEMBERED = 500
 
 # Exit codes of the process that are the file's fault. All others (SIGKILL for lack of memory, SIGTERM, an
 # exit) say nothing about the file.
@@ -39,7 +45,8 @@ _CRASHES = {-signal.SIGSEGV, -signal.SIGABRT, -signal.SIGFPE, -signal.SIGILL}
 
 
 class Fence:
-    """A process that works on one file at a time within limits, and is restarted when it was killed.
+    """A process that applies functions to one file at a time within limits of time and memory; a killed
+    process is restarted by the next request.
 
     A file that exceeds a limit or crashes the process is not tried again unless it changes.
 
@@ -101,7 +108,8 @@ class Fence:
 
     def close(self) -> None:
         """Kill the process. The next request starts a new one."""
-        process, self._process = self._process, None  # another thread may be waiting for its answer
+        # The attribute is cleared first, because another thread may be waiting for an answer of the process.
+        process, self._process = self._process, None
         if process is not None:
             process.kill()
             process.wait()
@@ -110,10 +118,11 @@ class Fence:
     def _asked(
         self, act: Callable[[Path], Any], path: Path, computing: float, memory: int
     ) -> tuple[str, Any]:
-        """Send a request to the process; return the kind of its end, and what belongs to it.
+        """Compute `act(path)` in the process and return how it ended: a kind and a value.
 
-        The kinds are "done" with the result, "error" with the function's exception, "fault" (of the file)
-        and "busy" (nothing is known of the file), both with a sentence.
+        The kinds are "done" with the result; "error" with the function's exception; "fault" (the file is at
+        fault) and "busy" (nothing is known of the file), both with a sentence. Arguments are those of a call
+        of the fence.
         """
         folder = Path(path.anchor) if path.is_absolute() else Path.cwd()
         request = pickle.dumps((act, path, computing, memory, folder))
@@ -135,7 +144,9 @@ class Fence:
         if code in _CRASHES:
             name = signal.Signals(-code).name
             return "fault", f"{path}: reading it crashed the process that reads files ({name}): damaged?"
-        if code == -signal.SIGBUS:  # raised by access to a memory-mapped file behind its new end
+        # The signal SIGBUS is caused by reading a memory-mapped file behind its end, after the file was
+        # shortened.
+        if code == -signal.SIGBUS:
             return "busy", f"{path}: it became shorter while it was read; is it being written? Try again"
         return (
             "busy",
@@ -150,7 +161,8 @@ class Fence:
         self.close()
         here, there = socket.socketpair()
         with there:
-            # Not by multiprocessing, which would import the user's script again in the new process.
+            # The module multiprocessing is not used, because it would import the user's script again in the
+            # new process.
             process = self._process = subprocess.Popen(
                 [sys.executable, "-m", "stickslip.gate.process", str(there.fileno()), *self._modules],
                 pass_fds=[there.fileno()],
@@ -174,14 +186,20 @@ def _ending(code: int) -> str:
 
 
 def work(connection: Connection, modules: Iterable[str]) -> None:
-    """Run the fence's process: import modules, then answer requests until the other end is closed.
+    """Run the fence's process: import modules, send b"ready", then answer requests until the other end of the
+    connection is closed.
 
     A request that exceeds its processor time ends this process by the signal SIGPROF.
+
+    Args:
+        connection: connection to the process of the fence's user.
+        modules: names of modules to import first; missing ones are left out.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     come_last()
     for name in modules:
-        with suppress(ImportError):  # a function that needs the module will raise the error
+        # A function that needs a missing module raises the error itself.
+        with suppress(ImportError):
             import_module(name)
     connection.send_bytes(b"ready")
     with suppress(EOFError, OSError):
@@ -190,11 +208,13 @@ def work(connection: Connection, modules: Iterable[str]) -> None:
 
 
 def _answered(request: bytes) -> bytes:
-    """Execute a pickled request and return the pickled answer: a kind and a value, as `Fence._asked` returns
-    them."""
+    """Execute a pickled request (function, path, processor time [s], memory [bytes], current folder) and
+    return the pickled answer: a kind and a value, as `Fence._asked` returns them."""
     try:
-        act, path, computing, memory, folder = pickle.loads(request)  # imports the module of the function
-        os.chdir(folder)  # the folder to which a relative path refers
+        # Unpickling imports the module of the function.
+        act, path, computing, memory, folder = pickle.loads(request)
+        # A relative path refers to the current folder of the process that sent the request.
+        os.chdir(folder)
     except Exception as error:
         return pickle.dumps(("error", _plain(error)))
     try:
@@ -208,7 +228,8 @@ def _answered(request: bytes) -> bytes:
             resource.setrlimit(resource.RLIMIT_AS, before)
         return pickle.dumps(("done", answer))
     except MemoryError:
-        if _free_memory() < memory:  # the machine has less memory than the limit, so the file is not at fault
+        # If the machine has less free memory than the limit, the file is not at fault.
+        if _free_memory() < memory:
             return pickle.dumps(("busy", f"{path}: the machine has no memory for it now; try again"))
         text = f"{path}: reading it takes more than the {memory / 2**20:,.0f} MiB that such a file may"
         return pickle.dumps(("fault", text))
@@ -219,7 +240,8 @@ def _answered(request: bytes) -> bytes:
 
 
 def _plain(error: Exception) -> Exception:
-    """Return an exception that can be pickled: the error, or a GateError with its type and message."""
+    """Return the error if it can be pickled, otherwise a GateError with the name of its type and its
+    message."""
     try:
         return pickle.loads(pickle.dumps(error))
     except Exception:
@@ -229,7 +251,8 @@ def _plain(error: Exception) -> Exception:
 def _limit_memory(memory: int, hard: int) -> None:
     """Limit the address space of this process to its present size plus `memory` bytes.
 
-    `hard` is the hard limit, which stays. Without Linux's /proc there is no limit.
+    `hard` is the hard limit of the address space, bytes, which stays as it is. On a system without
+    /proc/self/statm there is no limit.
     """
     with suppress(OSError, ValueError):
         now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
@@ -245,7 +268,8 @@ def _free_memory() -> int:
 
 
 if __name__ == "__main__":
-    # Import this module by its name: pickled requests refer to its classes by that name, not by __main__.
+    # The module is imported by its name instead of using __main__, because pickled requests and answers refer
+    # to classes by the names of their modules.
     from . import process
 
     process.work(Connection(int(sys.argv[1])), sys.argv[2:])

@@ -1,4 +1,5 @@
-"""Read JSON that the package wrote: the numbers of a results.json, and attributes of recordings."""
+"""Read JSON that the package wrote: the numbers in a results.json, and attributes of recordings that are JSON
+texts."""
 
 from __future__ import annotations
 
@@ -25,9 +26,9 @@ def results_numbers(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def json_attribute(attributes: Mapping[Any, Any], name: str) -> dict[str, Any]:
-    """Return the mapping that an attribute of a recording contains as JSON text.
+    """Return the mapping that the attribute `name` of a recording contains as a JSON text.
 
-    It is empty if the attribute is missing, is no JSON, or is no mapping.
+    The mapping is empty if the attribute is missing, is no JSON, or contains no mapping.
     """
     try:
         found = load_json(str(attributes.get(name, "")), f"attribute {name}")

@@ -25,16 +25,24 @@ from .elsewhere import applied
 from .errors import GateError
 from .files import opened
 
-MOST_BYTES = 1_000_000  # largest size of a file that a person writes (input file, parameter set), bytes
-MOST_RESULT_BYTES = 100_000_000  # largest size of a JSON file that a program wrote: 5 million numbers
-MOST_DEPTH = 64  # largest nesting depth of lists and mappings; the package's own files have up to 9 levels
-MOST_VALUES = 1_000_000  # largest number of lists and mappings of a JSON, and half that of its texts
-MOST_NUMBERS = 5_000_000  # largest number of values in a JSON in all: 32 bytes of memory each
-MOST_DIGITS = 100  # largest number of digits of a number: a float has up to 25, a seed of 128 bits has 39
-_LOOKED_AT = 1000  # number of bytes at the start of a file of which none is zero if the file is text
-_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))  # all bytes except brackets
-# Matches each quoted text, even one without an end quote: a match that cannot fail is not tried again from
-# the next quote, so the search takes linear time.
+# Largest size of a file that a person writes (input file, parameter set), bytes.
+MOST_BYTES = 1_000_000
+# Largest size of a JSON file that a program wrote, bytes: about 5 million numbers.
+MOST_RESULT_BYTES = 100_000_000
+# Largest nesting depth of lists and mappings; the package's own files have up to 9 levels.
+MOST_DEPTH = 64
+# Largest number of lists and mappings in a JSON text; twice as many quoted texts are allowed.
+MOST_VALUES = 1_000_000
+# Largest number of commas, and so of values, in a JSON text; each value takes 32 bytes of memory.
+MOST_NUMBERS = 5_000_000
+# Largest number of digits of a number: a float has up to 25, and a seed of 128 bits has 39.
+MOST_DIGITS = 100
+# Number of bytes at the start of a file that are searched for a zero byte: a text file contains none.
+_LOOKED_AT = 1000
+# All bytes except brackets, which are deleted to count the brackets.
+_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+# Pattern of a quoted text, even of one without an end quote. Because a match cannot fail, it is not tried
+# again from the next quote, so the search takes linear time.
 _JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)
 _DIGITS = re.compile(rb"(?<![0-9])[0-9]{%d}" % (MOST_DIGITS + 1))
 _HALF_LETTER = re.compile(rb"\\u[dD][89abAB]|\\u[dD][c-fC-F]")
@@ -64,7 +72,8 @@ def read_file(path: str | os.PathLike[str], most: int = MOST_BYTES) -> bytes:
 
 
 def parsed(load: Callable[[bytes, str], Any], path: str | os.PathLike[str], most: int = MOST_BYTES) -> Any:
-    """Return the content of a text file of up to `most` bytes; a server parses it in its fence's process.
+    """Return the content of a text file of up to `most` bytes. A server that has called `interpret_in` parses
+    the file in the separate process (see `gate.elsewhere`).
 
     Args:
         load: `load_json`, `load_toml` or `load_yaml`.
@@ -72,7 +81,8 @@ def parsed(load: Callable[[bytes, str], Any], path: str | os.PathLike[str], most
         most: largest size of the file, bytes.
 
     Raises:
-        GateError: the file is too large or not valid, or reading it exceeded a limit.
+        GateError: the file is too large or not valid, or reading it exceeded a limit; GateBusy (a GateError):
+            the separate process could not read it now.
         OSError: the file cannot be read.
     """
     return applied(partial(_loaded, load=load, most=most), Path(path))
@@ -152,14 +162,24 @@ def load_json(raw: bytes | str, source: str) -> Any:
 
 
 def load_toml(raw: bytes | str, source: str) -> dict[str, Any]:
-    """Return the content of a TOML text. Arguments and errors are those of `load_json`."""
+    """Return the content of a TOML text.
+
+    Args:
+        raw: the text, or its bytes in UTF-8.
+        source: name of the text in errors, such as the path of its file.
+
+    Raises:
+        GateError: the text is no TOML, has more than `MOST_BYTES` characters, is nested too deeply, has a
+            number of too many digits, or gives a key twice.
+    """
     text = decoded(raw, source)
     if len(text) > MOST_BYTES:
         raise too_large(source, len(text), MOST_BYTES)
     _check_toml(text, source)
     try:
         found = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a key or table that is given twice is a ValueError
+    # A key or table that is given twice raises ValueError.
+    except (ValueError, RecursionError) as error:
         raise GateError(f"{source} is no valid TOML: {error}") from error
     check_depth(found, source)
     return found
@@ -219,7 +239,7 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def _check_json(raw: bytes, source: str) -> None:
     """Raise GateError if the number of values, the nesting depth or the digits of a number exceed the limits.
 
-    Text that is no JSON passes, so that the parser can say why it is none.
+    A text that is no JSON passes, because the parser reports the fault later.
     """
     if raw.count(b'"') > 4 * MOST_VALUES:
         raise too_many(source, MOST_VALUES)
@@ -241,7 +261,7 @@ def _check_json(raw: bytes, source: str) -> None:
 def _check_toml(text: str, source: str) -> None:
     """Raise GateError if brackets or dotted keys are nested too deeply, or a number has too many digits.
 
-    Text that is no TOML passes, so that the parser can say why it is none.
+    A text that is no TOML passes, because the parser reports the fault later.
     """
     depth = dots = 0
     for found in _TOML_PARTS.finditer(text):
@@ -257,5 +277,6 @@ def _check_toml(text: str, source: str) -> None:
             dots += word.count(".")
             if word[0] in "0123456789+-" and len(word) > MOST_DIGITS:
                 raise too_long(source, text.count("\n", 0, found.start()) + 1)
-        if depth > MOST_DEPTH or dots > MOST_DEPTH:  # each part of a dotted key is a nested mapping
+        # Each part of a dotted key (a.b.c) makes a nested mapping.
+        if depth > MOST_DEPTH or dots > MOST_DEPTH:
             raise too_deep(source, text.count("\n", 0, found.start()) + 1)

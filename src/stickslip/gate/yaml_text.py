@@ -17,17 +17,20 @@ import yaml
 from .errors import GateError
 from .text import MOST_BYTES, MOST_DEPTH, MOST_DIGITS, decoded, too_deep, too_large, too_long, too_many
 
-# Largest number of values, counted each time they are referred to: 1 MB of numbers with 9 digits.
+# Largest number of values in a YAML text, which count again at each reference. A file of 1 MB has as many
+# numbers of 9 digits.
 MOST_YAML_VALUES = 100_000
 _TAG = "tag:yaml.org,2002:"
 _PLAIN = (None, "!")
-_PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C parser, if installed, is 10 times faster
+# The parser in C, if installed, is 10 times as fast as the one in Python.
+_PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _RULES: dict[str | None, list[tuple[str, re.Pattern[str]]]] = yaml.SafeLoader.yaml_implicit_resolvers
 _NUMERIC = re.compile(r"[-+.]?[0-9][-+0-9_.:a-fA-Fxo]*")
 
 
 class _Held(NamedTuple):
-    """A parsed value with the number `size` of all values in it, which counts again at each reference."""
+    """A parsed `value` with its `size`, the number of all values in it including itself. The size is counted
+    again at each reference to the value."""
 
     value: Any
     size: int
@@ -60,14 +63,16 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
     text = decoded(raw, source)
     if len(text) > MOST_BYTES:
         raise too_large(source, len(text), MOST_BYTES)
-    # A parser compares each directive with all previous ones, so many of them take quadratic time.
+    # Lines that start with "%" (directives) are refused. The parser compares each directive with all previous
+    # ones, which takes quadratic time.
     if re.search(r"^%(?!YAML)", text, re.MULTILINE):
         raise GateError(f"{source}: a line starts with '%', which input files do not use")
     try:
         return _Built(source).of(yaml.parse(text, Loader=_PARSER))
     except GateError:
         raise
-    except (yaml.YAMLError, ValueError, OverflowError) as error:  # ValueError: a date that does not exist
+    # A date that does not exist raises ValueError.
+    except (yaml.YAMLError, ValueError, OverflowError) as error:
         said = " ".join(str(error).replace('"<unicode string>"', "it").split())
         raise GateError(
             f"{source} is no YAML: {said}. Check brackets, quotes and indentation there"
@@ -75,12 +80,16 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
 
 
 class _Built:
-    """Builder of a YAML document's value from the events of the parser; `source` names the text in errors."""
+    """Builder of a YAML document's value from the events of the parser; `source` names the text in errors.
+
+    The method `of` takes the events and returns the value, None for an empty document.
+    """
 
     def __init__(self, source: str) -> None:
         self._source, self._count = source, 0
         self._open: list[_Open] = []
-        self._named: dict[str, _Held | None] = {}  # value of each anchor; None while it is being read
+        # Value of each anchor (name for references) by its name; None while the value is being read.
+        self._named: dict[str, _Held | None] = {}
         self._whole: list[Any] = []
 
     def of(self, events: Iterator[Any]) -> Any:
@@ -108,8 +117,9 @@ class _Built:
         self._put(_Held(value, 1))
 
     def _value(self, event: Any) -> Any:
-        """Return the value of a scalar: a number, bool, date or None if its unquoted text looks like one,
-        else the text."""
+        """Return the value of the parser's event for a scalar: a number, bool, date or None if its unquoted
+        text has the form of one, else the text. Raises GateError for an unknown tag or a number of too many
+        digits."""
         text, tag = event.value, event.tag
         if tag in _PLAIN:
             if not event.implicit[0] or tag == "!":
@@ -121,7 +131,8 @@ class _Built:
             rules = _RULES.get(text[:1], []) + _RULES.get(None, [])
             tag = next((kind for kind, pattern in rules if pattern.match(text)), "")
             if ":" in text and tag in (f"{_TAG}int", f"{_TAG}float"):
-                return text  # a number of base 60, such as 1:30, is returned as text
+                # A number of base 60, such as 1:30, is returned as text.
+                return text
         elif tag == f"{_TAG}str":
             return text
         else:
@@ -136,7 +147,8 @@ class _Built:
         if key in place.made or (key == "<<" and place.merged):
             raise self._error(event, f"the key {key[:60]!r} is given twice")
         place.key = key
-        place.made[key] = None  # keeps the order of keys, because the value is set later
+        # The key is entered now, so that the keys keep their order. The value is set later.
+        place.made[key] = None
         self._add(1)
 
     def _start(self, event: Any) -> None:
