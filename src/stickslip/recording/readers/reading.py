@@ -31,12 +31,16 @@ from .unlikely import refuse_unlikely, warn_of_unsaid
 if TYPE_CHECKING:
     import xarray as xr
 
-# First time, s, from which times are taken to count from 1970: no recording lasts three years.
+# Smallest first time, s, for which times are taken as dates, counted from 1970: no recording lasts three
+# years.
 _SINCE_1970 = 1e8
-_LAST_DATE = 1e11  # largest time since 1970 that is taken as a date, s (the year 5138)
-_LONGEST_MESSAGE = 1500  # largest number of characters of an error message, as a file may have many names
-_LONGEST_QUOTE = 80  # largest number of characters of a quote in it, as a field may be as long as a line
-# Pattern of a longer text in quotes as Python writes it, "'abc...'"; an apostrophe in a word is not a quote.
+# Largest time since 1970 that is taken as a date, s (the year 5138).
+_LAST_DATE = 1e11
+# Largest number of characters of an error message, which may contain many names of a file.
+_LONGEST_MESSAGE = 1500
+# Largest number of characters of a quote in a message, because a field may be as long as a line.
+_LONGEST_QUOTE = 80
+# Pattern of a long text in quotes as Python writes it, "'abc...'"; an apostrophe in a word is not a quote.
 _SIGN = r"(?:[^{0}\\]|\\.)"
 _QUOTE = re.compile(
     "|".join(
@@ -66,8 +70,8 @@ def read_recording(
     calibration: str = "",
     reader: str = "",
 ) -> xr.Dataset:
-    r"""Return the recording in a file of a format that `stickslip list readers` names, or in a ``.nc`` file
-    of this package.
+    r"""Return the recording in a file of a format that `stickslip list readers` names, or in a ``.nc`` or
+    ``.nxs`` file of this package. Its values are in SI.
 
     Args:
         path: the file. Its content decides how it is read; its extension must not contradict.
@@ -77,21 +81,20 @@ def read_recording(
             all columns are read.
         units: standard name -> unit in the file ("mm", "uN"), which overrides the file's own, also with a
             number: "20 V" (a divider), "0.5 um/V" (a sensor, whose column is in volts). Without a unit here,
-            in a name ("disp_um") or in a header, plausible numbers are taken as SI, with a
-            RecordingWarning.
+            in a name ("disp_um") or in a header, plausible numbers are taken as SI, with a RecordingWarning.
         sample_rate: Hz, for a file without time.
         start_time: time of the first sample, s. By default that of the file; 0 for dates and if the file has
             none.
         clocks: standard name -> its time column, if it differs from the common one. Such a channel is
             interpolated linearly onto the common time.
         rows: samples (start, stop) to read, from 0, stop not included; None for the end.
-        missing: action for a number that is missing, NaN, infinite or an overload (9.9E37): raise, or drop
-            the sample.
-        missing_values: texts by which a text file says that a number is missing ("n.v.", "-9999"), beside
-            those that are known: blank, NaN, OL, --, #DIV/0!, 1.#QNAN and the like.
+        missing: action for a number that is missing, NaN, infinite or an overload (9.9E37): "error" to raise
+            an error, "drop" to leave the sample out.
+        missing_values: texts by which a text file says that a number is missing ("n.v.", "-9999"), in
+            addition to those that are known: blank, NaN, OL, --, #DIV/0!, 1.#QNAN and the like.
         delimiter, decimal: those of a text file; by default found automatically. ``r"\s+"`` is any white
             space.
-        skip: lines at the top of a text file that are neither header nor data.
+        skip: number of lines at the top of a text file that are neither header nor data.
         title, notes, calibration: free text, kept with the recording.
         reader: the format by name ("text", "npy"), or a user's, "my_reader.py:scope"; by default found from
             the content.
@@ -152,7 +155,8 @@ def _kind(path: Path, reader: str) -> str:
 
 
 def _check_arguments(**given: Any) -> None:
-    """Raise RecordingError for arguments of the wrong type, which would otherwise be misunderstood."""
+    """Raise RecordingError for arguments (given by name) of the wrong type or with a wrong value, which would
+    otherwise be misunderstood."""
     for name in ("columns", "units", "clocks"):
         if given[name] is not None and not isinstance(given[name], Mapping):
             raise RecordingError(
@@ -168,23 +172,25 @@ def _check_arguments(**given: Any) -> None:
 
 
 def _is_own_name(variable: FileVariable) -> bool:
-    """Return True if the file's name for a variable is more informative than the standard name."""
+    """Return True if the variable has no standard name and the file's name for it starts with a letter, so
+    that this name is kept as its long name."""
     return variable.name not in STANDARD_NAMES and variable.column.name[:1].isalpha()
 
 
 @contextmanager
 def named_file(path: Path) -> Iterator[None]:
-    """Turn every error in the block into a RecordingError with the file's name, because inner functions know
-    only lines, samples and columns."""
+    """Turn every ValueError and OSError in the block into a RecordingError with the file's name, because
+    inner functions know only lines, samples and columns."""
     try:
         yield
-    except (ValueError, OSError) as error:  # includes QuantityError and GateError, and disk failures
+    # These include QuantityError, GateError and failures of the disk.
+    except (ValueError, OSError) as error:
         raise RecordingError(said(path, error)) from error
 
 
 def said(path: Path, error: ValueError | OSError) -> str:
-    """Return the path of the file and the message of an error in one line, with long quotes and messages
-    shortened."""
+    """Return the path of the file and the message of an error as one line of text, with long quotes and
+    messages shortened."""
     whole = (isinstance(error, OSError) and error.strerror) or str(error).removeprefix(f"{path}: ")
     text = _QUOTE.sub(_shortened, " ".join(whole.split()))
     cut = text if len(text) <= _LONGEST_MESSAGE else f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
@@ -196,7 +202,8 @@ def _shortened(quote: re.Match[str]) -> str:
 
 
 def _rate(sample_rate: float | str | None) -> float:
-    """Return the user's sample rate in Hz; 0 if there is none, because the file has its own time."""
+    """Return the user's sample rate in Hz; 0 if there is none, because the file has its own time. Raises
+    RecordingError unless the rate is positive and finite."""
     if sample_rate is None:
         return 0.0
     rate = to_si(sample_rate, "Hz", "sample_rate")
@@ -224,14 +231,17 @@ def _epoch(chosen: Selection) -> float:
 
 
 def _load(source: FileContent, chosen: Selection, window: Rows, rate: float) -> list[Clocked]:
-    """Read the chosen variables and return them in SI, grouped by clock, the common clock first; the times of
-    all groups count from the epoch of the common clock.
+    """Read the chosen variables and return them in SI, grouped by clock, the common clock first; the times
+    [s] of all groups count from the epoch of the common clock.
 
     Args:
         source: content of the file.
         chosen: variables and clocks.
         window: samples to read.
         rate: sample rate [Hz] of variables without a clock.
+
+    Raises:
+        RecordingError: a variable has another number of samples than its time.
     """
     wanted = [v for v in (*chosen.clocks.values(), *chosen.variables) if v is not None]
     channels = list(dict.fromkeys(v.channel for v in wanted))
@@ -270,7 +280,8 @@ def _on_one_clock(
     missing: Literal["error", "drop"],
     window: Rows,
 ) -> tuple[Clocked, list[str]]:
-    """Return all variables at the times of the common clock, and a list of the processing steps in words.
+    """Return all variables at the times of the common clock, and a list of sentences on the processing:
+    columns read, samples dropped, variables interpolated.
 
     Args:
         source, chosen, window: content of the file, chosen variables, and samples that were read.
@@ -296,7 +307,7 @@ def _on_one_clock(
 
 
 def _joined(groups: list[Clocked]) -> list[Clocked]:
-    """Return the groups with those joined into one that have equal times, because they need no
+    """Return the groups, with those that have equal times joined into one, because these need no
     interpolation."""
     found: list[Clocked] = []
     for group in groups:
@@ -311,14 +322,17 @@ def _joined(groups: list[Clocked]) -> list[Clocked]:
 
 def _from_start(time: np.ndarray, start_time: float | None, epoch: float) -> tuple[np.ndarray, str]:
     """Return the times [s], shifted so that they start at `start_time`, and the date of time zero in ISO
-    8601.
+    8601; "" for times that are no dates.
 
-    Dates start at 0 by default. Other times are unchanged without a `start_time`, and their date is "".
+    Dates, and times with an epoch, start at 0 by default. Other times are unchanged without a `start_time`.
 
     Args:
         time: times since `epoch`, s; changed in place.
         start_time: time of the first sample, s; None: by default.
         epoch: epoch of the clock, s since 1970; 0 without dates.
+
+    Raises:
+        RecordingError: the first time is too large for a date.
     """
     first = float(time[0]) + epoch
     dated = first >= _SINCE_1970

@@ -24,14 +24,16 @@ from .source import FileContent, add_format
 _WHAT = "waveform of an oscilloscope"
 _ISF = re.compile(rb".{0,4000}?:?CURVE? +#(?P<digits>[1-9])(?P<bytes>\d{1,9})", re.DOTALL)
 _BEGINNINGS = (
-    rb"LLWFM|[\x0f\xf0]{2}:WFM#",  # Tektronix
-    rb".{0,64}?WAVEDESC",  # LeCroy
-    rb"AG(01|03|10)",  # Agilent and Keysight
-    rb"\xa5\xa5[\x00\x38]\x00|\xa1\xa5\x00\x00|\xa5\xa5\xa4\x01|\x01\xff\xff\xff|RG0[13]",  # Rigol
+    rb"LLWFM|[\x0f\xf0]{2}:WFM#",  # start of Tektronix files
+    rb".{0,64}?WAVEDESC",  # start of LeCroy files
+    rb"AG(01|03|10)",  # start of Agilent and Keysight files
+    # start of Rigol files
+    rb"\xa5\xa5[\x00\x38]\x00|\xa1\xa5\x00\x00|\xa5\xa5\xa4\x01|\x01\xff\xff\xff|RG0[13]",
 )
 _KNOWN = re.compile(b"|".join(_BEGINNINGS), re.DOTALL)
 _RIGOL_UNITS, _KEYSIGHT_UNITS = {0: "W", 1: "A", 2: "V"}, {1: "V", 4: "A"}
-_LECROY_UNIT = 196  # bytes from the word WAVEDESC to the unit of the values, a text of up to 48 bytes
+# Distance, in bytes, from the word WAVEDESC to the unit of the values, a text of up to 48 bytes.
+_LECROY_UNIT = 196
 _HEAD = 4096
 
 
@@ -52,21 +54,29 @@ def read_scope(path: Path) -> FileContent:
 
 
 def _by_clock(found: Any, head: bytes, isf: dict[str, str]) -> dict[tuple[float, float, int], list[Signal]]:
-    """Return the signals of a file grouped by their clock: first time [s], sampling interval [s] and number
-    of samples."""
+    """Return the signals of a file as lists by their clock, a tuple: first time [s], sampling interval [s]
+    and number of samples. Channels without samples are left out.
+
+    Args:
+        found: content of the file, from RigolWFM.
+        head: first bytes of the file.
+        isf: settings of a Tektronix ISF file; empty for other files.
+    """
     clocks: dict[tuple[float, float, int], list[Signal]] = {}
     for one in found.channels:
         if not one.enabled or one.volts is None or not len(one.volts):
             continue
         clock = float(one.times[0]), float(one.seconds_per_point), len(one.volts)
         unit = _unit(found.parser_name, one.unit, head, isf)
-        name = one.name.replace(" ", "")  # "CH 1", as on an oscilloscope's screen
+        # The library writes "CH 1", an oscilloscope's screen shows CH1.
+        name = one.name.replace(" ", "")
         clocks.setdefault(clock, []).append(Signal(name, unit, len(one.volts), held(one.volts)))
     return clocks
 
 
 def _isf_settings(head: bytes, size: int) -> dict[str, str]:
-    """Return the settings in the header of a Tektronix ISF file by key; empty for other files.
+    """Return the settings in the header of a Tektronix ISF file, by the first five letters of their keys;
+    empty for other files.
 
     Args:
         head: first bytes of the file.

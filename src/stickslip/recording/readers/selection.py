@@ -16,26 +16,31 @@ from .source import Column, FileChannel, find_channel, is_clock, listing
 
 
 class FileVariable(NamedTuple):
-    """A channel that becomes a variable of the recording, or one of its clocks."""
+    """A channel that becomes a variable of the recording, or one of its clocks.
+
+    Fields: `name` in the recording; `column`, the channel's description; `conversion` to SI; and those below.
+    """
 
     name: str
-    channel: int  # index in the file
+    channel: int  # index of the channel in the file
     column: FileChannel
-    unit: str  # unit in the file, or the user's; "" if unknown
+    unit: str  # unit from the user or else in the file; "" if unknown
     conversion: Conversion
     clock: int | None  # index of the channel with its times; None: equally spaced
-    sure: bool = True  # False: the unit comes from a name that ends in "_m", which may mean "measured"
-    unknown: bool = False  # True: the package does not know the file's unit; numbers are kept without a unit
+    # False: the unit comes from a name that ends in "_m", which may mean "measured".
+    sure: bool = True
+    # True: the package does not know the file's unit, so numbers are kept without a unit.
+    unknown: bool = False
 
     @property
     def label(self) -> str:
-        """Return the text for the variable in messages: its name, its column and its unit."""
+        """Return the text for the variable in messages: its name, its column and its unit, if known."""
         return f"{self.name} (column {self.column.shown!r}{f' in {self.unit}' if self.unit else ''})"
 
 
 class Selection(NamedTuple):
-    """Result of a selection: the clocks by index of their channel, the common one first (None: equally spaced
-    samples), and the variables."""
+    """Result of a selection: `variables`, and `clocks`, the time column of each clock by the index of its
+    channel, the common clock first (None: None for equally spaced samples)."""
 
     clocks: Mapping[int | None, FileVariable | None]
     variables: tuple[FileVariable, ...]
@@ -70,7 +75,8 @@ def select(
     if equally_spaced and ("time" in columns or own):
         raise RecordingError("say sample_rate or a time column, not both")
     common = None if equally_spaced else common_clock(channels, columns, named, own)
-    # True if the common clock is a column that the file's layout does not mark as a clock.
+    # True: the common clock is a column that the file's layout does not mark as a clock. The layout's clocks
+    # then do not count.
     said = common is not None and channels[common].clock != common
 
     variables = []
@@ -103,7 +109,10 @@ def _variable(
         name: name of the variable.
         unit: unit from the user; None: the file's unit.
         clock: index of the channel with its times; None: equally spaced.
-        standard: SI unit that the name requires; None: any.
+        standard: SI unit that the name requires (or the corresponding one for rotary bodies); None: any.
+
+    Raises:
+        RecordingError: the channel contains no numbers, or its unit is unknown or wrong.
     """
     column = channels[i]
     if not column.numeric:
@@ -128,8 +137,14 @@ def _variable(
 
 
 def _scale(said: str, own: str, standard: str) -> Conversion:
-    """Return the conversion for the user's unit `said` of a column whose unit in the file is `own`: "0.5
-    um/V" converts a column in V to m; `standard` is an example of a unit for messages."""
+    """Return the conversion to SI for the user's unit `said` of a column whose unit in the file is `own`:
+    "0.5 um/V" converts a column in V (or mV) to m.
+
+    `standard` is an example of a unit for messages.
+
+    Raises:
+        QuantityError: `said` is no unit, or is for a column in V and the column is not.
+    """
     if not isinstance(said, str) or (said.strip() != "1" and is_number(said)):
         raise QuantityError(f'{said!r} names no unit; a scale is said with one, "{said} {standard}"')
     made = to_si_scale(said)
@@ -143,8 +158,8 @@ def _scale(said: str, own: str, standard: str) -> Conversion:
 
 
 def _all(channels: Sequence[FileChannel]) -> dict[str, int]:
-    """Return the indices of all channels of numbers that are not clocks, by identifiers made from their names
-    in the file."""
+    """Return the indices of all channels of numbers that are not times, by names for the variables: the
+    channels' names in lower case, with "_" for other signs."""
     result: dict[str, int] = {}
     for i, channel in enumerate(channels):
         if channel.numeric and channel.clock != i and not is_clock(channel) and not in_seconds(channel):

@@ -37,10 +37,10 @@ _UNIT = re.compile(r"[\[(](?P<inside>[^\])]*)[\])]|_(?P<end>hz|khz|s|ms|us|ns)$"
 _VALUE = re.compile(r"(?:\w+\s*:\s*)?(?P<number>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s,;]*)")
 _RATE = re.compile(r"(?P<prefix>[kKMGm]?)(Sa?/s(ec)?|S/s|sps|SPS|samples?/s(ec)?)")
 _PLACES = re.compile(r"\W|_")
-# Spellings of the second; "S" would be siemens, which recordings do not contain.
+# Spellings of the second. The parser would take "S" for siemens, which recordings do not contain.
 _SECONDS = {"S": "s", "Sec": "s", "SEC": "s", "Time": "s"}
-LONGEST_KEY = 200  # largest number of characters of a key; longer texts are not keys
-# Lines after which the samples start, in lower case and without blanks and signs.
+LONGEST_KEY = 200  # largest number of characters of a key; longer texts are no keys
+# Texts of lines after which the samples start, in lower case and without blanks and signs.
 MARKS = frozenset(["data", "waveformdata", "begindata", "values", "samples", "endheader", "endofheader"])
 
 
@@ -53,23 +53,31 @@ class HeaderClock(NamedTuple):
 
 
 class HeaderSettings(NamedTuple):
-    """Settings in the lines above the samples: texts by role ("increment", "rate", "start", "names",
-    "across", "upward", "each")."""
+    """Settings in the lines above the samples.
+
+    `values` contains lists of texts by role: "increment" and "rate" (sampling interval and rate), "start"
+    (first time), "names" (of columns), and units: "across" (horizontal axis), "upward" (vertical axis),
+    "each" (all columns).
+    """
 
     values: dict[str, list[str]]
-    numbered: dict[str, dict[int, str]]  # texts of keys with a number, "NAME0 = ...", by role and number
-    lines: frozenset[int]  # indices of the lines with settings
-    below: frozenset[int]  # indices of lines with values whose key is in the line above
+    # Texts of keys with a number, "NAME0 = ...", by role and number.
+    numbered: dict[str, dict[int, str]]
+    lines: frozenset[int]  # indices of the lines with settings, from 0
+    # Indices of lines with values, whose key is in the line above.
+    below: frozenset[int]
 
     def names(self, width: int) -> list[str]:
-        """Return the names of `width` columns; empty if the settings have another number of names."""
+        """Return the names of `width` columns; an empty list if the settings contain another number of
+        names."""
         return self._said("names", width)
 
     def units(self, width: int) -> list[str]:
         """Return the units of the columns in order; a single unit is repeated for all `width` columns. The
         list is empty without units, and may be shorter or longer than `width`."""
         found = self._said("upward", width) or self.values.get("upward", []) or self.values.get("each", [])
-        if len(found) > width and not any(found[1::2]):  # LabVIEW writes a blank beside each unit
+        # LabVIEW writes a blank beside each unit.
+        if len(found) > width and not any(found[1::2]):
             found = found[::2]
         return found * width if len(found) == 1 else found
 
@@ -82,8 +90,8 @@ class HeaderSettings(NamedTuple):
         return found if len(found) == width and not all(map(is_number, found)) else []
 
     def clocks(self, width: int) -> list[HeaderClock]:
-        """Return the clock of each of `width` columns; an empty list if the settings do not contain all
-        clocks.
+        """Return the clock of each of `width` columns; an empty list if the settings do not contain the
+        clocks of all columns. A single interval or start is that of all columns.
 
         Raises:
             QuantityError: an interval and a rate contradict each other.
@@ -106,7 +114,7 @@ class HeaderSettings(NamedTuple):
 
 
 def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> HeaderSettings:
-    """Return the settings in the lines above the samples.
+    """Return the settings in the lines above the samples, as `HeaderSettings`.
 
     Args:
         lines: lines without comment signs.
@@ -120,7 +128,8 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Heade
         key, found = _key_and_values(line, fields)
         own = any(found)
         if key and not own and i + 1 < len(lines) and line.rstrip().endswith(":"):
-            found = list(split[i + 1])  # SignalExpress writes "dt:" and the values in the next line
+            # SignalExpress writes "dt:" in one line and the values in the next.
+            found = list(split[i + 1])
         if not key or not any(found):
             continue
         number = _NUMBERED.fullmatch(key)
@@ -136,7 +145,8 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Heade
         else:
             known = bool(role) and not is_number(found[0])
         if known:
-            # Units end where numbers start, because an oscilloscope writes samples beside its settings.
+            # The list of units ends at the first number, because an oscilloscope writes samples beside its
+            # settings.
             end = next((k for k, one in enumerate(found) if is_number(one)), None)
             values.setdefault(role, found[:end] if role in ("across", "upward", "each") else _trimmed(found))
             used |= {i} if own else {i, i + 1}
@@ -145,10 +155,11 @@ def find_settings(lines: Sequence[str], split: Sequence[Sequence[str]]) -> Heade
 
 
 def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the key and the values in a line "key,value,value", "key,value,key,value" or "key: value,
-    value"; "" and no values for other lines."""
+    """Return the key and the list of values in a line "key,value,value", "key,value,key,value" (the same key)
+    or "key: value, value"; "" and no values for other lines. `fields` are the fields of the line."""
     said = _ASSIGNED.fullmatch(line.strip().strip('"'))
-    if len(fields) == 1 and not said:  # a file with one column has no delimiter by which to split
+    # A file with one column has no delimiter, so its settings are split at the usual ones.
+    if len(fields) == 1 and not said:
         fields = [part.strip() for part in re.split(r"[,;\t]", line)]
     if not said:
         again = [one for one in fields[2::2] if one]
@@ -160,8 +171,8 @@ def _key_and_values(line: str, fields: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def _role(key: str) -> tuple[str, str]:
-    """Return the role of a key ("" for none) and the unit in it ("" without one), as in "Sample rate
-    [kHz]"."""
+    """Return the role of a key in `HeaderSettings` ("" for none) and the unit in the key ("" without one):
+    "rate" and "kHz" for "Sample rate [kHz]"."""
     if len(key) > LONGEST_KEY:
         return "", ""
     unit = _UNIT.search(key)
@@ -176,8 +187,8 @@ def _trimmed(found: list[str]) -> list[str]:
 
 
 def _numbers(texts: Sequence[str], unit: str) -> list[float]:
-    """Return the numbers at the start of a list of texts, in SI, up to the first text that is not a number;
-    `unit` is the SI unit, and that of numbers without one. "1 MSa/s" is 1e6 Hz."""
+    """Return the numbers at the start of a list of texts, in SI, up to the first text that is not a number.
+    `unit` is the SI unit of the result, and the unit of texts without one; "1 MSa/s" is 1e6 Hz."""
     result = []
     for text in texts:
         found = _VALUE.fullmatch(text.strip())
@@ -192,7 +203,7 @@ def _numbers(texts: Sequence[str], unit: str) -> list[float]:
 
 
 def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[HeaderClock], bool]:
-    """Find a clock in the fields of the lines above the samples, as Rigol writes it.
+    """Find a clock in the fields of the lines above the samples, as Rigol's oscilloscopes write it.
 
     Examples are "X,CH1,Start,Increment" above "Sequence,Volt,-5e-2,5e-4", and "Time(s),CH1V,t0 =-5e-2,tInc =
     5e-4".
@@ -201,8 +212,8 @@ def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[Hea
         rows: fields of the lines by index of the line.
 
     Returns:
-        The lines with the fields of the clock made blank; a list with the clock, empty if there is none; and
-        True if the first column contains the numbers of the samples.
+        The lines by index, with the fields of the clock made blank; a list with the clock (`HeaderClock`),
+        empty if there is none; and True if the first column contains the numbers of the samples.
     """
     for i, fields in rows.items():
         below = rows.get(i + 1, [])
@@ -232,9 +243,9 @@ def with_settings(
 ) -> list[FileChannel]:
     """Return the channels with units from the settings, as far as they have none of their own.
 
-    Clocks get the units of the horizontal axis, the other channels those of the vertical axis in order. If no
-    channel has the name of a time, the first numeric column is the clock, unless the header contains one
-    (`in_header`).
+    Times get the units of the horizontal axis, the other channels those of the vertical axis in order. If no
+    channel has the name of a time, the first numeric column is taken as the time, unless the header contains
+    a clock (`in_header`).
     """
     made, numeric = list(channels), [i for i, one in enumerate(channels) if one.numeric]
     across = [_SECONDS.get(one, one) for one in said.values.get("across", [])]

@@ -20,8 +20,11 @@ _EXCEL = "an Excel workbook"
 
 
 class FileSignature(NamedTuple):
-    """A format that is not read: its description, a regular expression for the first bytes, advice for the
-    user, and file endings, one of which is required too if the first bytes are ambiguous."""
+    """A format that is not read.
+
+    Fields: `what`, its description; `begins`, a regular expression for the first bytes; `advice` for the
+    user; `endings` of file names, one of which is also required if there are any.
+    """
 
     what: str
     begins: bytes
@@ -31,7 +34,7 @@ class FileSignature(NamedTuple):
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
-# Formats of binary files.
+# Signatures of formats of binary files.
 BINARY = (
     FileSignature("packed by gzip", rb"\x1f\x8b", f"{_UNPACK}: gunzip FILE"),
     FileSignature("packed by bzip2", rb"BZh[1-9]1AY&SY", f"{_UNPACK}: bunzip2 FILE"),
@@ -87,7 +90,7 @@ BINARY = (
     FileSignature("a picture", rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\x00{4}|II\*\x00|MM\x00\*", _NO_TABLE),
     FileSignature("a program", rb"\x7fELF|MZ|\xca\xfe\xba\xbe", _NO_TABLE),
 )
-# Formats of files that are text or start like text, but are not tables of numbers.
+# Signatures of files that are text or start like text, but are not tables of numbers.
 TEXTS = (
     FileSignature("a file of imc FAMOS", rb"\|CF,\d", "export it as CSV in FAMOS"),
     FileSignature(
@@ -113,22 +116,24 @@ _COMPILED = [
 ]
 # Control characters that texts do not contain: all except tabs, ends of lines, pages and files, and escapes.
 _CONTROLS = bytes(sorted(set(range(32)) - set(b"\t\n\v\f\r\x1a\x1b")))
-_MOST_CONTROLS = 0.003  # largest share of such characters in a text; random bytes have 10 %
+# largest share of control characters in the first bytes of a text; random bytes have 10 %
+_MOST_CONTROLS = 0.003
 _SHOWN = 8  # number of first bytes of an unknown file that a message shows
 
 
 def is_text(head: bytes) -> bool:
-    """Return True if the first bytes of a file are text: with the mark of UTF-16, or without zero bytes and
-    with few control characters."""
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):  # UTF-16 text has zero bytes
+    """Return True if the first bytes of a file are text: with the byte order mark of UTF-16, or without zero
+    bytes and with few control characters."""
+    # UTF-16 text, which has zero bytes, starts with a byte order mark.
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return True
     controls = len(head) - len(head.translate(None, _CONTROLS))
     return b"\0" not in head and controls <= _MOST_CONTROLS * len(head)
 
 
 def known_format(head: bytes, ending: str) -> FileSignature | None:
-    """Return the known format, among those that are not read, of a file with these first bytes and this
-    ending of its name (".xls"); None for other files."""
+    """Return the `FileSignature` of a file with these first bytes and this ending of its name (".xls"), which
+    is not read; None for other files."""
     for one, begins in _COMPILED[not is_text(head)]:
         if (not one.endings or ending in one.endings) and begins.match(head):
             return one
@@ -137,7 +142,7 @@ def known_format(head: bytes, ending: str) -> FileSignature | None:
 
 def not_read(head: bytes, ending: str, known: str) -> str:
     """Return the message for a file that is not read: its format with advice or, if the format is unknown,
-    its first bytes and the formats that are read (`known`)."""
+    its first bytes and the formats that are read (`known`, a text)."""
     found = known_format(head, ending)
     if found is not None:
         return f"it is {found.what}, and is not read so: {found.advice}"

@@ -17,13 +17,13 @@ from ...quantities import registry
 from ...quantities.records import did_you_mean
 from .. import RecordingError
 
-# Reference to a channel: its name in the file, its index (from 0), or an array's name and indices
+# Reference to a channel: its name in the file, its index (from 0), or a tuple of an array's name and indices
 # (from 0).
 Column = str | int | tuple[Any, ...]
 
 
 class Rows(NamedTuple):
-    """Range of samples to read: from `start` up to, but not including, `stop`; None: to the end."""
+    """Range of samples to read: from `start` up to, but not including, `stop`; `stop` None: to the end."""
 
     start: int = 0
     stop: int | None = None
@@ -32,13 +32,17 @@ class Rows(NamedTuple):
 class FileChannel(NamedTuple):
     """One signal of a file, as a reader describes it."""
 
-    name: str  # name as in the file
-    unit: str = ""  # unit as in the file; "" without one
-    key: tuple[Any, ...] = ()  # tuple by which a user can also refer to the channel, such as ("trace_y", 1)
-    clock: int | None = None  # index of the channel with its times, if the file's layout determines it
+    name: str  # name in the file
+    unit: str = ""  # unit in the file; "" if there is none
+    # Tuple by which a user can also refer to the channel, such as ("trace_y", 1).
+    key: tuple[Any, ...] = ()
+    # Index of the channel with the times of this one, if the file's layout determines it; None: unknown. A
+    # time channel has its own index.
+    clock: int | None = None
     numeric: bool = True
-    header: str = ""  # name and unit in one text, if the file writes them so
-    epoch: float = 0.0  # time of the number 0, s: for dates since 1970, for times of day since midnight
+    header: str = ""  # name and unit in one text, if the file writes them so; otherwise ""
+    # Time that the number 0 means, s: for dates since 1970, for times of day since midnight.
+    epoch: float = 0.0
     stamp: bool = False  # True: the channel contains dates or times of day
 
     @property
@@ -48,18 +52,23 @@ class FileChannel(NamedTuple):
 
 
 class FileContent(NamedTuple):
-    """Channels of a file, and a function `read` that takes indices of channels and a range of samples, and
-    returns the values of each channel as float64 in the file's units."""
+    """Content of a file: its channels, and a function `read`.
+
+    `read` takes indices of channels and a range of samples (`Rows`), and returns a list with the values of
+    each channel as float64 in the file's units. `reader` is the name of the reader.
+    """
 
     reader: str
     channels: tuple[FileChannel, ...]
     read: Callable[[Sequence[int], Rows], list[np.ndarray]]
-    place: Callable[[int], str] = "sample {}".format  # text for the place of a sample in messages
+    # function from the index of a sample to its place in the file as text, for messages
+    place: Callable[[int], str] = "sample {}".format
 
 
 class Format(NamedTuple):
-    """A file format: name, file endings (".raw"), a function that recognises a file by its first bytes and
-    ending, and its reader."""
+    """A file format: `name`; `endings` of file names (".raw"); `recognises`, a function that takes the first
+    bytes of a file and the ending of its name and returns True for this format; and `read`, a function that
+    takes a path and returns a `FileContent`."""
 
     name: str
     endings: tuple[str, ...]
@@ -107,7 +116,7 @@ _TIME_UNITS = {
 
 def is_clock(channel: FileChannel) -> bool:
     """Return True if a channel has the name of a time or contains dates or times of day. A name that is only
-    a unit, such as "sec", counts if it is also the channel's unit."""
+    a unit of time, such as "sec", counts if it means the same as the channel's unit."""
     name = channel.name.strip().lower()
     named = _TIME.fullmatch(name) is not None
     return channel.stamp or named or (time_unit(name) != "" and channel.unit == time_unit(name))
@@ -120,7 +129,8 @@ def time_unit(name: str) -> str:
 
 
 def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
-    """Return the index of the channel to which `column` refers.
+    """Return the index of the channel to which `column` refers: an index, a name in the file (with or without
+    unit), or a key (a tuple).
 
     Raises:
         RecordingError: no channel, or more than one, matches; the message names the existing ones.
@@ -147,6 +157,6 @@ def pointer(channels: Sequence[FileChannel], i: int) -> str | int:
 
 
 def listing(channels: Sequence[FileChannel], most: int = 20) -> str:
-    """Return a text with index and name of the first `most` channels, for messages."""
+    """Return a text with index and name of the first `most` channels, and the number of all, for messages."""
     shown = ", ".join(f"{i}: {channel.shown!r}" for i, channel in enumerate(channels[:most]))
     return shown + (f", ... ({len(channels)} in all)" if len(channels) > most else "")

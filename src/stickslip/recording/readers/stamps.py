@@ -12,12 +12,12 @@ import numpy as np
 
 from .source import FileChannel, is_clock
 
-DAY, HOUR = 86400.0, 3600.0  # s
-# Plausible ranges of serial days: since 1899-12-30 (Excel) and since year 0 (MATLAB); each with the number of
-# the day 1970-01-01.
+DAY, HOUR = 86400.0, 3600.0  # lengths of a day and of an hour, s
+# Plausible ranges of the serial days of Excel (since 1899-12-30) and MATLAB (since year 0): least and
+# greatest number, and the number of the day 1970-01-01.
 SERIAL_DAYS = ((2e4, 8e4, 25_569.0), (7e5, 8e5, 719_529.0))
-# Largest step, in days, of a time column without a unit at which its numbers are taken as days; with larger
-# steps they are seconds.
+# Largest step, in days, at which the numbers in a time column without a unit are taken as days; with larger
+# steps they are taken as seconds.
 LONGEST_SERIAL_STEP = 2e-5
 _MONTHS = {
     name: k
@@ -68,8 +68,8 @@ def _has_date(found: re.Match[str]) -> bool:
 
 
 def day_first(texts: Sequence[str]) -> bool | None:
-    """Return True if dates like "1/2/2020" have the day before the month, False if the month is first or
-    there are no such dates, None if both orders are possible."""
+    """Return True if dates like "1/2/2020" in the texts have the day before the month, False if the month is
+    first or there are no such dates, None if both orders are possible."""
     found = [one for text in texts if (one := _STAMP.fullmatch(text)) and one["y2"] is not None]
     if any(int(one["a2"]) > 12 for one in found) or any(one["sign2"] != "/" for one in found):
         return True
@@ -77,8 +77,8 @@ def day_first(texts: Sequence[str]) -> bool | None:
 
 
 def iso(text: str, first_is_day: bool) -> str:
-    """Return a time stamp in ISO 8601; a time of day without a date gets the date 1970-01-01. `first_is_day`
-    is the order of day and month.
+    """Return a date or time of day (text) in ISO 8601. A time of day without a date gets the date 1970-01-01.
+    `first_is_day` is True if the day is before the month in dates like "1/2/2020".
 
     Raises:
         ValueError: the text is not a time stamp.
@@ -87,7 +87,8 @@ def iso(text: str, first_is_day: bool) -> str:
 
 
 def _second(text: str, first_is_day: bool) -> float:
-    """Return the time of a time stamp in s since 1970, rounded down to a whole second."""
+    """Return the time of a time stamp (text) in s since 1970, rounded down to a whole second; see `iso` for
+    `first_is_day` and errors."""
     made = datetime.fromisoformat(iso(text, first_is_day))
     return float(np.floor((made if made.tzinfo else made.replace(tzinfo=UTC)).timestamp()))
 
@@ -98,7 +99,8 @@ def _iso(text: str, first_is_day: bool) -> str:
         raise ValueError(f"{text!r} is not a date")
     hours, minutes, whole = (int(found[name] or 0) for name in ("h", "min", "s"))
     part = found["f"] or found["mf"] or ""
-    if found["mf"] is not None:  # "05:07.250" is minutes and seconds, not hours and minutes
+    # "05:07.250" means minutes and seconds, not hours and minutes.
+    if found["mf"] is not None:
         hours, minutes, whole = 0, hours, minutes
     if found["half"]:
         hours = hours % 12 + (12 if found["half"] in "pP" else 0)
@@ -123,13 +125,17 @@ def _iso_date(found: re.Match[str], first_is_day: bool) -> str:
 
 class Stamped(NamedTuple):
     """Description of a column of dates or times of day: texts, perhaps with their dates in another column, or
-    numbers of days."""
+    numbers of days (serial days)."""
 
-    first_is_day: bool = True  # order of day and month in a date
-    epoch: float = 0.0  # time from which the column's numbers are counted, s since 1970 (or midnight)
-    date: int | None = None  # index of the column with the dates of times of day; None: there is none
-    wraps: float = np.inf  # period, s, after which times without a date start again at 0
-    days: float | None = None  # whole number of the first day, if the column contains numbers of days
+    first_is_day: bool = True  # True: the day is before the month in dates like "1/2/2020"
+    # Time from which the numbers of the column count, in s since 1970 (since midnight for times of day).
+    epoch: float = 0.0
+    # Index of the column with the dates of times of day; None: there is no such column.
+    date: int | None = None
+    # Period, s, after which times of day without a date start again at 0; infinite for others.
+    wraps: float = np.inf
+    # Number of the first day, rounded down, if the column contains numbers of days; otherwise None.
+    days: float | None = None
 
     def whole(self, values: np.ndarray) -> np.ndarray:
         """Return the samples of the column in s since `epoch`: numbers of days are converted, and times of
@@ -144,7 +150,7 @@ class Stamped(NamedTuple):
 def find_stamps(
     channels: Sequence[FileChannel], kinds: str, rows: Sequence[Sequence[str]], decimal: str
 ) -> tuple[list[FileChannel], dict[int, Stamped]]:
-    """Find the columns of dates, times of day and serial days in a text file.
+    """Find the columns of dates, times of day and serial days (numbers of days) in a text file.
 
     Args:
         channels, kinds: channel and kind of each column.
@@ -152,8 +158,9 @@ def find_stamps(
         decimal: decimal sign.
 
     Returns:
-        The channels, with `stamp` and `epoch` (whole second of the first sample) set for such columns; and
-        the description of each such column by its index.
+        The channels, with `stamp` and `epoch` (whole second of the first sample) set for such columns; and a
+        dictionary with the description (`Stamped`) of each such column by its index. A column of dates beside
+        other times is marked as not numeric.
     """
     made, found = list(channels), {}
     texts = {i: [row[i] for row in rows if i < len(row) and row[i]] for i in range(len(channels))}
@@ -167,12 +174,14 @@ def find_stamps(
         whole = f"{texts[date][0]} {texts[i][0]}" if date is not None else texts[i][0]
         try:
             epoch = _second(whole, bool(order))
-        except ValueError:  # an error is raised when the column is read
+        # The error is raised later, when the column is read.
+        except ValueError:
             epoch = 0.0
         alone = i in times and date is None
         wraps = (DAY if any(map(_has_hours, texts[i])) else HOUR) if alone else np.inf
         found[i] = Stamped(bool(order), epoch, date, wraps)
-        sure = epoch if order is not None else epoch % DAY  # an ambiguous date is left out
+        # With an ambiguous order of day and month, only the time of day is known.
+        sure = epoch if order is not None else epoch % DAY
         made[i] = made[i]._replace(stamp=True, epoch=sure)
     paired = {one.date for one in found.values()}
     for i in dates:
@@ -193,8 +202,8 @@ def _serial(channel: FileChannel, texts: Sequence[str], decimal: str) -> tuple[f
     contains serial days of Excel or MATLAB; otherwise None.
 
     Args:
-        channel: the column.
-        texts: its first fields.
+        channel: description of the column.
+        texts: first fields of the column.
         decimal: decimal sign.
     """
     named = re.search(r"date|datum|stamp|serial|excel", channel.name, re.IGNORECASE) is not None

@@ -13,13 +13,14 @@ from .library import Signal, SignalGroup, clocked_source, equally_spaced, librar
 from .source import FileContent, Rows, add_format
 
 _WHAT = "TDMS file"
-_SINCE_1904 = 2_082_844_800.0  # time from 1904, from which dates in TDMS files count, to 1970, s
+# Time between 1904, from which dates in TDMS files count, and 1970, in s.
+_SINCE_1904 = 2_082_844_800.0
 _FRACTION = 2.0**-64  # unit of the fractions of a second in these dates, s
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
 
 def read_tdms(path: Path) -> FileContent:
-    """Return the channels of a TDMS file, each with the clock that its properties describe.
+    """Return the content of a TDMS file: its channels, each with the clock that its properties describe.
 
     Raises:
         RecordingError: npTDMS is not installed, or the file is damaged.
@@ -41,8 +42,8 @@ def read_tdms(path: Path) -> FileContent:
 
 
 def _clock(channel: Any) -> tuple[float, float, int] | None:
-    """Return first time [s], sampling interval [s] and number of samples of a channel; None if its properties
-    have no positive interval."""
+    """Return first time [s], sampling interval [s] and number of samples of a channel of npTDMS; None if its
+    properties contain no positive interval."""
     step = channel.properties.get("wf_increment")
     if not isinstance(step, int | float) or not step > 0:
         return None

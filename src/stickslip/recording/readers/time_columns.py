@@ -1,4 +1,5 @@
-"""Assignment of several time columns of a table: each is the clock of the columns that follow it."""
+"""Assignment of several time columns of a table to its other columns: each is the clock of the columns that
+follow."""
 
 from __future__ import annotations
 
@@ -9,14 +10,14 @@ import numpy as np
 from .file_units import in_seconds, to_si_unit
 from .source import FileChannel, FileContent, Rows, is_clock
 
-LOOKED = 1000  # number of first samples with which time columns are compared
+LOOKED = 1000  # number of samples at the start of a file with which time columns are compared
 AGREE = 0.1  # largest difference of two clocks, in sampling intervals, that may come from rounding
 _NAMED_FOR = re.compile(r"(time|t|zeit)[ _.-]\w.*|.*\w[ _.-](time|t|zeit)", re.IGNORECASE)
 
 
 def with_clocks(source: FileContent) -> FileContent:
-    """Return the content of a file with a time column assigned to each channel, if the file has several time
-    columns.
+    """Return the content of a file with the index of a time column as `clock` of each channel, if the file
+    has several time columns; otherwise the unchanged content.
 
     A time column that no column follows is ignored if it agrees with the next time column, such as a date
     beside seconds. If it does not agree, the content is unchanged, so that `select` asks the user for the
@@ -45,7 +46,7 @@ def with_clocks(source: FileContent) -> FileContent:
 
 
 def _may_be_time(channel: FileChannel) -> bool:
-    """Return True if a channel has the unit of a time or, without a unit, a name of a time."""
+    """Return True if the unit of a channel is a unit of time or, without a unit, its name may mean a time."""
     if channel.unit:
         return in_seconds(channel)
     return is_clock(channel) or _NAMED_FOR.fullmatch(channel.name.strip()) is not None
@@ -61,7 +62,8 @@ def _increases(ticks: np.ndarray) -> bool:
 
 
 def _agree(one: np.ndarray, other: np.ndarray) -> bool:
-    """Return True if two clocks (times [n], s) differ only by a constant offset and rounding.
+    """Return True if two clocks (times [n], s) differ only by a constant offset and rounding, or have fewer
+    than two times.
 
     Rounding is at most `AGREE` sampling intervals of `other`. If times repeat in `one`, which may count full
     seconds, the smallest step of `one` is added.
@@ -69,7 +71,7 @@ def _agree(one: np.ndarray, other: np.ndarray) -> bool:
     if one.size < 2:
         return True
     step, own = float(np.nanmedian(np.abs(np.diff(other)))), np.abs(np.diff(one))
-    # If times repeat, the clock has a coarse step, such as full seconds.
+    # Times that repeat show a clock with a coarse step, such as full seconds.
     coarse = float(own[own > 0.0].min(initial=np.inf)) if np.any(own == 0.0) else 0.0
     apart = (one - one[0]) - (other - other[0])
     return bool(np.all(np.abs(apart) <= AGREE * step + coarse))

@@ -22,11 +22,13 @@ _TIGHT = re.compile(
 )
 # Pattern of a field in a row of units below the names: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
 _UNIT_ALONE = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\}|'([^']*)'|in\s+(.+)")
-_HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]{0,60}\]|\([^)]{0,60}\)))?")  # "Time [s]" is one word
+# Pattern of a word in a header, with its unit in brackets: "Time [s]" is one word.
+_HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]{0,60}\]|\([^)]{0,60}\)))?")
 
 
 def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str]:
-    """Return the fields of a line above the data, as many as there are columns (`count`) if possible.
+    """Return the fields of a line above the data, without comment sign, as many as there are columns
+    (`count`) if possible.
 
     The last `blank` columns have no samples, because the data lines end with delimiters. If their names are
     missing too, blank fields are appended.
@@ -34,16 +36,18 @@ def header_fields(line: str, delimiter: str, count: int, blank: int) -> list[str
     mark = COMMENT.match(line)
     line = line[mark.end() :] if mark else line
     fields = split(line, delimiter)
-    if mark:  # every name may have the comment sign: "%Time  %Position"
+    # Every name may have the comment sign: "%Time %Position".
+    if mark:
         fields = [field.lstrip(mark[1]) for field in fields]
     if count - blank <= len(fields) < count:
         return [*fields, *[""] * (count - len(fields))]
-    # LabVIEW names a last column "Comment", which is empty in most rows and therefore not among the columns.
+    # LabVIEW names a last column "Comment", which is blank in most rows and therefore not counted as a
+    # column.
     if len(fields) == count + 1 and fields[-1].lower() == "comment":
         return fields[:-1]
     if len(fields) != count and (
         mark or delimiter == SPACE
-    ):  # names may contain blanks, or have another delimiter than the data
+    ):  # Names may contain blanks, or have another delimiter than the data.
         ways = [_HEADER_WORD.findall(line)] if delimiter == SPACE else []
         ways += [split(line.strip(), sign) for sign in (",", ";", "\t")] if count > 1 else []
         for other in (*ways, re.split(r"\s{2,}|\t", line.strip())):
@@ -65,15 +69,19 @@ def titles(
     data: dict[int, list[str]],
     said: HeaderSettings,
 ) -> list[FileChannel]:
-    """Return the columns with their names and units, from the lines above the data.
+    """Return the columns with their names and units, from the lines above the data. Without names, the
+    columns are named by their index.
 
     Args:
         lines: lines of the file.
         above: fields of the lines above the data, by index of the line.
         kinds: kind of each column.
         signs: decimal sign, and texts for missing numbers.
-        data: fields of the first line of data, by its index.
+        data: fields of the first line of data, by index of the line.
         said: settings above the data.
+
+    Raises:
+        RecordingError: a line below the header may be a row of data with a wrong field.
     """
     rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds) and not _marks(fields)}
     texts = [i for i, fields in rows.items() if set(signs.kinds(fields)) in ({"s"}, {"s", "e"})]
@@ -121,7 +129,7 @@ def _refuse_words(
         kinds: kind of each column.
         signs: decimal sign, and texts for missing numbers.
         titled: names of the columns; None without a header.
-        data: fields of the first line of data, by its index.
+        data: fields of the first line of data, by index of the line.
     """
     wrong = [k for k, field in enumerate(fields) if signs.kind(field) not in (kinds[k], "e")]
     fits = any(signs.kind(field) == kinds[k] in ("n", "d") for k, field in enumerate(fields))
@@ -129,16 +137,16 @@ def _refuse_words(
         return
     name = str(wrong[0]) if titled is None else titled[wrong[0]]
     hint = f" (if the line is no data: skip={line + 1})" if titled is None else ""
-    # If this field is a number, most fields of its column are words (thousands separators, for example). Then
-    # the first line of data is the wrong one.
+    # If the wrong field is a number, most fields of its column are words, for example because of thousands
+    # separators. The first line of data is then the wrong one.
     if signs.kind(fields[wrong[0]]) == "n":
         ((line, fields),) = data.items()
     raise RecordingError(f"line {line + 1}, column {name!r}: {fields[wrong[0]]!r} is not a number{hint}")
 
 
 def _said_names(kinds: str, said: HeaderSettings) -> list[FileChannel] | None:
-    """Return the columns with the names in the settings above the data; None if the number of names is
-    neither that of all columns, nor that of numeric columns with or without the first."""
+    """Return the columns with the names in the settings above the data. The result is None unless there is a
+    name for each column, for each numeric column, or for each numeric column except the first."""
     numeric = [k for k, kind in enumerate(kinds) if kind in "nd"]
     for places in (list(range(len(kinds))), numeric, numeric[1:]):
         if names := said.names(len(places)):
@@ -153,8 +161,8 @@ def _marks(fields: Sequence[str]) -> bool:
 
 
 def _names_and_units(rows: Sequence[list[str]]) -> tuple[list[str], list[str]]:
-    """Return the row of names and the row of units below or above it ([] without one), from `rows`, the last
-    lines above the data."""
+    """Return the row of names and the row of units below or above it, from `rows`, the fields of the last
+    lines above the data. Without units, the second row is empty and the names are the last row."""
     for k in range(len(rows) - 1, -1, -1):
         beside = rows[k - 1] if k else rows[1] if len(rows) > 1 else []
         units = [_unit_alone(field) for field in rows[k]]
@@ -165,7 +173,7 @@ def _names_and_units(rows: Sequence[list[str]]) -> tuple[list[str], list[str]]:
 
 def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
     """Return True if the row `units` contains units for the row `names`: all its texts are known units or, if
-    a name is that of a time, at least half."""
+    a name is that of a time, at least half of them."""
     given = [unit for unit in units if unit]
     known = sum(map(is_unit, given))
     clocks = [any(is_clock(channel_of(one)) for one in row) for row in (units, names)]
@@ -174,8 +182,8 @@ def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
 
 
 def _ticks(numbers: Sequence[float], increment: float) -> bool:
-    """Return True if numbers increase by the sampling interval `increment` in the header, within 1 %, so that
-    they are times."""
+    """Return True if numbers increase by the header's sampling interval `increment`, within 1 %, so that they
+    are times."""
     return all(0.99 < (b - a) / increment < 1.01 for a, b in pairwise(numbers))
 
 
@@ -187,12 +195,13 @@ def with_header_clock(
     data: Sequence[Sequence[str]],
     signs: Signs,
 ) -> tuple[list[FileChannel], dict[int, HeaderClock]]:
-    """Assign the clocks in the header to the channels, unless the file has a time column.
+    """Assign the clocks in the header to the channels, unless the file has a time column. If the first
+    numeric column increases by the header's interval, this column is the time column.
 
     Args:
         channels: channels of the columns.
         said: settings above the data.
-        in_fields: clock found by `in_table`, if any.
+        in_fields: list with the clock found by `in_table`, or empty.
         counts: True: the first column contains the numbers of the samples.
         data: fields of the first rows of data.
         signs: decimal sign, and texts for missing numbers.
@@ -235,13 +244,14 @@ def _unit_alone(field: str) -> str:
 
 
 def channel_of(header: str) -> FileChannel:
-    """Return the channel for the header of a column: "Position [mm]" has the unit mm, "Force (left)" no unit,
-    and "u (mVpp)" an unknown unit."""
+    """Return the channel for the header of a column, with the unit in it: "Position [mm]" has the unit mm,
+    "Force (left)" no unit, and "u (mVpp)" the unknown unit mVpp."""
     name, unit, certain = _name_and_unit(header)
     if not name:
         tight = _TIGHT.fullmatch(header)
         if tight and is_unit(header) and not (tight["name"] == "t" or _of_one(tight["name"], header)):
-            tight = None  # the whole header is a unit, such as "N/m"
+            # The whole header is a unit, such as "N/m".
+            tight = None
         return FileChannel(tight["name"], tight["unit"], header=header) if tight else FileChannel(header)
     if certain or is_unit_of(name, unit):
         return FileChannel(name, unit, header=header)
@@ -249,11 +259,8 @@ def channel_of(header: str) -> FileChannel:
 
 
 def _name_and_unit(header: str) -> tuple[str, str, bool]:
-    """Return the name and the unit in "name [unit]", "name (unit)", "name / unit" or "name in unit".
-
-    The third value is True for square brackets, whose content is certainly a unit. Both texts are "" for
-    other headers.
-    """
+    """Return the name and the unit in "name [unit]", "name (unit)", "name / unit" or "name in unit", and True
+    for square brackets, whose content is certainly a unit. Both texts are "" for other headers."""
     text = header.rstrip()
     opening = {"]": "[", ")": "("}.get(text[-1:], "")
     at = text.rfind(opening) if opening else -1
@@ -271,13 +278,13 @@ def _name_and_unit(header: str) -> tuple[str, str, bool]:
 
 
 def _of_one(name: str, unit: str) -> bool:
-    """Return True if a one-letter name and a unit, read together as the ratio `unit`, have no dimension:
-    "V/mV" is a column V in mV."""
+    """Return True if `unit`, a ratio such as "V/mV" whose first part is the one-letter `name`, has no
+    dimension: this header means a column V in mV."""
     return len(name) == 1 and not to_si_unit(unit).unit
 
 
 def _distinct(columns: Sequence[FileChannel]) -> list[FileChannel]:
-    """Return the columns with repeated names numbered: "Time", "x", "Time (2)", "x (2)"."""
+    """Return the columns with numbers after repeated names: "Time", "x", "Time (2)", "x (2)"."""
     seen: Counter[str] = Counter()
     result = []
     for column in columns:

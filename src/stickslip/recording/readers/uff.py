@@ -18,13 +18,13 @@ from .source import FileContent, add_format
 ENDINGS = (".uff", ".unv", ".uf")
 _WHAT = "universal file (UFF)"
 _BEGINS = re.compile(rb"\s{0,100}-1\s*?\n\s{0,100}\d{2,4}b?\s")
-_TIME = 17  # code of a time axis
+_TIME = 17  # code of a time axis in data set 58
 _DIRECTIONS = {0: "", 1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 
 
 def read_uff(path: Path) -> FileContent:
-    """Return the functions of time in a universal file (data set 58); those with the same times share a
-    clock.
+    """Return the content of a universal file: its functions of time (data set 58) as channels; those with the
+    same times share a clock.
 
     Raises:
         RecordingError: pyuff is not installed, the file is damaged, or contains no functions of time.
@@ -69,8 +69,8 @@ def data_sets(path: Path) -> list[dict[str, Any]]:
 
 
 def point(one: dict[str, Any]) -> str:
-    """Return number and direction of the response point of a function, such as "8 +Z"; `one` is a dictionary
-    of pyuff."""
+    """Return number and direction of the response point of a function as text, such as "8 +Z"; `one` is the
+    function's dictionary of pyuff."""
     return f"{one.get('rsp_node', 0)} {_DIRECTIONS.get(one.get('rsp_dir', 0), '')}".strip()
 
 

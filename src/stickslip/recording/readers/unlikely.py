@@ -14,16 +14,16 @@ from .clocks import Clocked
 from .preview import LOOKED_AT, likely_unit
 from .selection import FileVariable, Selection
 
-# Largest plausible range (maximum minus minimum) of a channel of a stick-slip actuator by SI unit, and the
-# unit that the numbers probably have if their range is larger.
+# UNLIKELY: largest plausible range (maximum minus minimum) of a channel of a stick-slip actuator, by SI unit,
+# and the unit that numbers with a larger range probably have.
 UNLIKELY = {
     "m": (0.2, "um or nm"),
     "V": (2e3, "mV"),
     "N": (1e4, "mN"),
     "m/s": (20.0, "mm/s"),
 }
-# Largest plausible median sampling interval, s, of a time column without a unit, and with a unit in the file;
-# only recordings with more than FEW samples are checked.
+# Largest plausible median sampling interval, s: LONGEST_STEP for a time column without a unit,
+# LONGEST_SAID_STEP for one with a unit in the file. Only recordings with more than FEW samples are checked.
 LONGEST_STEP, LONGEST_SAID_STEP, FEW = 1.0, 30.0, 10
 
 
@@ -32,8 +32,8 @@ def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked], units: Contain
     large, even if the file states the unit.
 
     Args:
-        chosen, groups: selected channels and their values.
-        units: variables whose unit the user has given, which are not checked.
+        chosen, groups: selected channels, and their values in SI grouped by clock.
+        units: names of variables whose unit the user has given, which are not checked.
 
     Raises:
         RecordingError: a value is implausible; the message names the column, its range in SI, and the
@@ -69,7 +69,7 @@ def _unlikely(variable: FileVariable, size: str, likely: str, unit: str) -> Reco
 
 def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> None:
     """Warn (RecordingWarning) of unknown units, and of units that are assumed because neither file nor user
-    states them, in one line each."""
+    states them: one warning for all columns of each kind."""
     unsaid: dict[str, tuple[FileVariable, str]] = {}
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         named = [] if clock is None else [(clock, group.time)]
