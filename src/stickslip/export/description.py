@@ -10,7 +10,8 @@ from xml.etree import ElementTree as xml
 from .._version import __version__
 from .variables import MEASURED, ModelVariable
 
-# Exponents of the base units of each unit that occurs. An importer knows any other unit only by its name.
+# Exponents of the SI base units (and rad) in each unit, for modelDescription.xml. Importers need them to
+# convert units; of a unit that is not listed they know the name alone.
 _BASE = {
     "m": {"m": 1}, "s": {"s": 1}, "kg": {"kg": 1}, "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
     "N": {"kg": 1, "m": 1, "s": -2}, "m/s": {"m": 1, "s": -1}, "m/s2": {"m": 1, "s": -2},
@@ -25,16 +26,16 @@ _BASE = {
 def model_description(
     version: int, identifier: str, token: str, title: str, made: str, found: list[ModelVariable], step: float
 ) -> str:
-    """Return the text of modelDescription.xml.
+    """Return the text of modelDescription.xml, which describes an FMU to importers.
 
     Args:
         version: version of FMI, 2 or 3.
         identifier: model identifier, which is also the name of the binary.
-        token: GUID in braces, which the importer passes to the binary so that both belong together.
+        token: GUID in braces; the importer passes it to the binary, which so recognises its own description.
         title: description of the model in one line.
         made: date and time of the export, ISO 8601 in UTC.
         found: all variables of the FMU.
-        step: s, suggested communication step (that of the default experiment).
+        step: suggested communication step (step of the default experiment), s.
     """
     name = {2: "guid", 3: "instantiationToken"}[version]
     root = xml.Element("fmiModelDescription", {
@@ -42,7 +43,8 @@ def model_description(
         "version": __version__, "generationTool": f"stickslip {__version__}", "generationDateAndTime": made,
         "variableNamingConvention": "structured", "license": "BSD-3-Clause",
     })  # fmt: skip
-    # The gain of an observer is valid only for the step of its export.
+    # Only an observer has the measured position. Its gain is valid for the step of its export alone, so
+    # importers must not vary the communication step.
     varied = "false" if any(v.name == MEASURED for v in found) else "true"
     can = {"modelIdentifier": identifier, "canHandleVariableCommunicationStepSize": varied}
     if version == 2:
@@ -86,7 +88,7 @@ def model_description(
 
 
 def sources(version: int) -> tuple[str, ...]:
-    """Return the names of the C files that are compiled for a version of FMI, 2 or 3."""
+    """Return the names of the C files in sources/ that are compiled for a version of FMI, 2 or 3."""
     return ("stickslip.c", "stickslip_parameters.c", f"fmi{version}.c")
 
 
@@ -111,7 +113,7 @@ def _units(root: xml.Element, found: list[ModelVariable]) -> None:
 
 
 def _number(value: float) -> str:
-    """Return a number as text for XML; infinity, which FMI does not allow, becomes the largest double."""
+    """Return a number as text for XML; ±infinity, which FMI does not allow, becomes ± the largest double."""
     return repr(math.copysign(sys.float_info.max, value)) if math.isinf(value) else repr(float(value))
 
 

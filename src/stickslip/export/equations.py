@@ -40,36 +40,39 @@ from .signal_chain import (
     sensor_output,
 )
 
-# Records whose `_check` is not translated to C: most of its conditions are on types and array lengths, which
-# C code cannot change. The order of the voltage limits, and of a MaxwellCapacitor's elements, has C checks of
-# its own. A piezo's plays and creep stay bounded for all values.
+# Records whose Python method `_check` is not translated to C. Most of their conditions are on types and array
+# lengths, which C code cannot change. `_checks` and `two_port_checks` write the others in C: the order of the
+# voltage limits, and the order of a MaxwellCapacitor's elements. A piezo's plays and creep stay bounded for
+# all values.
 UNCHECKED = (Actuator, PulledSlider, StageModes, Piezo, PrandtlIshlinskii, MaxwellCapacitor, Creep)
 
 
-# Macros of the engine's sizes that are the same for every layout of the model.
+# Names of the macros in stickslip_layout.h that are the same for every layout of the model.
 _SAME = ("OF(name)", "WATCHED(test)")
 
 
 class SignalChain(NamedTuple):
-    """Devices between a control program and the actuator; each is None if it is missing."""
+    """Amplifier and sensor between a control program and the actuator; each is None if it is missing."""
 
     amplifier: Amplifier | None = None
     capacitance: float | None = None  # capacitance of the piezo that the amplifier charges, F
-    sensor: StrainGauge | Chain | None = None  # sensor of the end-effector's position, or its signal chain
+    sensor: StrainGauge | Chain | None = None  # end-effector position: its sensor, or its measuring channel
 
 
 def equations(model: Any, chain: SignalChain, step: float, any_layout: bool) -> str:
-    """Return the text of stickslip_equations.h, without its first comment.
+    """Return the text of stickslip_equations.h, without its first comment: records, laws and checks in C.
 
     Args:
         model: actuator or pulled slider.
         chain: amplifier and sensor.
-        step: s, integration step of the exported code, which spaces the stored positions of a delay.
-        any_layout: default of STICKSLIP_ANY_LAYOUT: if True, parameters may change which bodies and elements
-            the model has.
+        step: integration step of the exported code, s; half of it is the interval between stored positions,
+            from which a delayed channel is computed.
+        any_layout: default of the macro STICKSLIP_ANY_LAYOUT: if True, parameters may change which bodies and
+            elements the model has, and the integrator is slower.
 
     Raises:
-        TranslationError: a function of the law is outside the subset that can be translated.
+        TranslationError: a function of the law is outside the subset of Python that can be translated.
+        QuantityError: the delay of the position channel is negative.
     """
     made = Translation()
     law, kind = model.friction, record_type(model)
@@ -110,8 +113,18 @@ _HEAD = """#ifndef STICKSLIP_EQUATIONS_H
 
 
 def _law(made: Translation, law: Any) -> list[str]:
-    """Return C lines with the friction law in the form that the engine calls, and a function that fills in
-    the numbers of each of its elements."""
+    """Return C lines of the friction law in the form that the engine calls.
+
+    They contain macros of the law's sizes, the functions of one element, and stickslip_law_row, which writes
+    the numbers of an element into an array.
+
+    Args:
+        made: translation, to which the functions are added.
+        law: friction law of the model.
+
+    Raises:
+        TranslationError: the law cannot be translated, or its elements are records of different types.
+    """
     name, kind, one = type(law).__name__, record_type(law), element(law, 0)
     inner, count = record_type(one), elements(law)
     whole, static = _implementation(law), "breakaway" in functions(type(one))
@@ -148,7 +161,9 @@ def _calls(head: str, arguments: str, body: str) -> str:
 
 
 def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
-    """Return C lines of the amplifier and the sensor, if there are any; `step` is the integration step, s.
+    """Return C lines of the amplifier and the sensor, with macros that say which of them exist.
+
+    `made` is the translation, to which their functions are added; `step` is the integration step, s.
 
     Raises:
         QuantityError: the delay of the position channel is negative.
@@ -165,8 +180,8 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
     delay = chain.sensor.delay if isinstance(chain.sensor, Chain) else None
     if delay is not None and delay < 0.0:
         raise QuantityError(f"Chain.delay = {delay:g} s is out of range: what is exported cannot be early")
-    # Number of past positions, half a step apart, that are stored for a delayed channel: enough to have one
-    # before and one after the delayed time.
+    # Number of past positions that the C code stores for a delayed channel, half a step apart: enough to have
+    # one before and one after the time to which the channel's output belongs.
     kept = 0 if delay is None else 2 * math.ceil(delay / step * (1.0 - 1e-9)) + 2
     output = ""
     spacing = f"#define STICKSLIP_LATE_SPACING {0.5 * step!r} /* s, of these positions */"
@@ -205,23 +220,30 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
 
 
 def room(model: Any) -> dict[str, Any]:
-    """Return the engine's array sizes by macro name: the largest over all layouts that the parameters
-    allow."""
+    """Return the engine's array sizes by macro name: the largest over all layouts that parameters allow.
+
+    The keys are LARGEST_MODES (stage modes and end-effector), LARGEST_ELEMENTS (contacts and two-port) and
+    LARGEST_STATES (positions and velocities, bristles, two-port elements).
+    """
     port, law = getattr(model, "two_port", None), model.friction
     further = getattr(model, "further_modes", None)
     modes = 2 + (len(further.gain) if further is not None else 0)
     stops = len(port.stiffnesses) if port is not None else 0
     return {
         "LARGEST_MODES": modes,
-        # The size depends on the macro, because gcc warns of loops over one element.
+        # 2 with STICKSLIP_ANY_LAYOUT, else 1: for a constant size of 1, gcc would warn of loops over one
+        # element.
         "LARGEST_ELEMENTS": "(1 + STICKSLIP_ANY_LAYOUT)" if port is None else "2",
         "LARGEST_STATES": 2 * modes + elements(law) + stops,
     }
 
 
 def layout(model: Any) -> str:
-    """Return the text of stickslip_layout.h without its first comment: the engine's sizes for this model's
-    layout or, with STICKSLIP_ANY_LAYOUT, for any layout that its parameters allow."""
+    """Return the text of stickslip_layout.h, without its first comment.
+
+    Its macros are the engine's sizes for this model's layout (bodies, stage modes, elements of the friction)
+    or, if STICKSLIP_ANY_LAYOUT is 1, for any layout that the parameters allow.
+    """
     fixed = sizes(system(model).plant, "stickslip")
     free = {name: fixed[name] for name in _SAME}
     any_plant, this_plant = (
@@ -235,8 +257,10 @@ def layout(model: Any) -> str:
 
 
 def _limits(kind: Record) -> str:
-    """Return two C functions, of the lower and the upper limit of the input; infinite if the model has
-    none."""
+    """Return two C functions, which return the lower and the upper limit of the model's input.
+
+    The limits are the fields min_voltage and max_voltage of the record `kind`, V; infinite if it has none.
+    """
     lines = []
     for end, field, none in (("low", "min_voltage", "-INFINITY"), ("high", "max_voltage", "INFINITY")):
         has = field in dict(kind.fields)
@@ -246,9 +270,10 @@ def _limits(kind: Record) -> str:
 
 
 def _checks(made: Translation, owner: str, kind: Record) -> list[str]:
-    """Return C lines that return an error message if values of a record are wrong.
+    """Return C lines for a function that returns an error message if values of a record are wrong.
 
-    The ranges of the single values are checked first, then the relations between values.
+    The ranges of the single values are checked first, then the relations between values. Inner records are
+    included.
 
     Args:
         made: translation, to which the record's own check is added.
@@ -285,7 +310,11 @@ def _checks(made: Translation, owner: str, kind: Record) -> list[str]:
 def _allowed(spec: Quantity, field: str) -> str:
     """Return the C condition that a field is in its range.
 
-    It is false for NaN, and for infinity unless infinity is an end of the range.
+    The condition is false for NaN, and for infinity unless infinity is an end of the range.
+
+    Args:
+        spec: quantity of the field, with its bounds.
+        field: C expression of the field.
     """
     parts = []
     for sign, limit in ((">=", spec.minimum), (">", spec.above), ("<=", spec.maximum), ("<", spec.below)):

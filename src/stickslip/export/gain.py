@@ -1,5 +1,8 @@
-"""Compute the gain of the observer: of the Kalman filters for single states of the contact, the one with the
-smallest error in its worst state of the contact."""
+"""Compute the gain of the observer, which estimates a model's state from measured end-effector positions.
+
+A Kalman filter is computed for each state of the contact (sticking or sliding). The gain with the smallest
+error in its worst state of the contact is taken.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +16,18 @@ from ..friction import elements
 from .linear import Method, S, W, X, Y, Z, contacts
 
 Matrix = NDArray[np.float64]
-# Spectral radius of the transition over one step above which the contact cannot stay in a state but only
-# passes through it, as where friction falls with speed.
+# Spectral radius of the transition matrix over one step, above which the contact only passes through a state:
+# small errors of the state grow, for example where friction falls with speed.
 _RUNS_AWAY = 1.001
-# Largest matrix element of the scaled transition over one step (2^24, a float's resolution); with a larger
-# one rounding in single precision dominates.
+# Largest element of the scaled transition matrix over one step for which there is a gain. It is 2^24, a
+# float's resolution: with larger elements, rounding errors in single precision dominate.
 _HELD = 2.0**24
 # Gains that correct only the end-effector: fractions of the position error by which its position, and its
 # velocity times the step, are corrected. They serve steps longer than a period of stage and contact, in which
 # an error of the bristle's deflection decays.
 _SHARES = ((1.0, 0.0), (1.0, 0.01), (1.0, 0.1), (1.0, 0.5), (0.3, 0.03), (0.1, 0.003))
-# Number of doublings of the number of steps, to 2^36. An error that falls by less than 5e-10 of itself a step
-# has not decayed by then, and counts as growing.
+# Number of times that the number of summed steps is doubled, to 2^36. An error that decreases by less than
+# the fraction 5e-10 per step has not decayed by then, and counts as growing.
 _DOUBLINGS = 36
 
 
@@ -41,13 +44,13 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
 
     Args:
         model: actuator or pulled slider.
-        h: s, the time between two measured positions.
-        noise: m, standard deviation of a measured position.
+        h: time between two measured positions, s.
+        noise: standard deviation of a measured position, m, or rad for a rotary actuator.
 
     Returns:
-        Corrections per metre of position error, shape (5 + 2 further modes,): position (1) and velocity (1/s)
-        of the stage's first mode, position and velocity of the end-effector, bristle deflection (1), then
-        position and velocity of each further mode of the stage.
+        Corrections per unit of position error, shape (5 + 2 further modes,): position (1) and velocity (1/s)
+        of the stage's first mode, position (1) and velocity (1/s) of the end-effector, bristle deflection
+        (1), then position and velocity of each further mode of the stage.
     """
     method, law = Method(model, h), model.friction
     states, friction = contacts(law, h, method.push[S])
@@ -56,7 +59,7 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     gain = np.zeros(method.size)
     if not wanted:
         return gain
-    # Positions are scaled by the noise and velocities by the noise over a step, so that both are of order 1.
+    # Positions are divided by the noise, and velocities by noise / step, so that both are of order 1.
     scale = np.full(method.size, noise)
     scale[[W, S, *(i + 1 for i in method.stage)]] /= h
     c = np.zeros((1, method.size))
@@ -67,7 +70,8 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     stays = np.max(np.abs(np.linalg.eigvals(steps)), axis=1) < _RUNS_AWAY
     if np.max(np.abs(steps[stays]), initial=0.0) > _HELD:
         return None
-    # Errors are computed also for states that no gain corrects, but not for states that are known exactly.
+    # Components of the state whose errors are computed: also those that no gain corrects, but not those that
+    # are known exactly, such as the position of a stage that follows the input.
     whole = wanted if method.clamped or method.kinematic else list(range(method.size))
     whole = [i for i in whole if i != Z or elements(law)]
     filters = np.zeros((len(steps) + len(_SHARES), method.size))
@@ -90,7 +94,11 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
 
 
 def _corrected(method: Method, static: bool) -> list[int]:
-    """Return the indices of the states that the gain corrects; `static` means a law without bristles."""
+    """Return the indices (Y, W, X, ... in `linear`) of the components of the state that the gain corrects.
+
+    A stage that follows the input exactly is left out. `static` is True for a law without bristles, whose
+    deflection is left out.
+    """
     stage = [j for i in method.stage if i != Y or not method.kinematic for j in (i, i + 1)]
     if method.clamped:
         return stage
@@ -101,7 +109,7 @@ def _of(matrices: Matrix, parts: list[int]) -> Matrix:
     return matrices[..., parts, :][..., parts]
 
 
-@np.errstate(all="ignore")  # a diverging iteration overflows; its gains are rejected
+@np.errstate(all="ignore")  # an iteration that diverges overflows; its gains stay NaN
 def kalman_gains(steps: Matrix, seen: Matrix, noises: Matrix) -> Matrix:
     """Return the gains of the Kalman filters for several states of the contact.
 
@@ -109,9 +117,9 @@ def kalman_gains(steps: Matrix, seen: Matrix, noises: Matrix) -> Matrix:
     are solved at once by the structure-preserving doubling algorithm [chu2004].
 
     Args:
-        steps: A, transition of the corrected parts of the state over a step in each contact state, shape
-            (states, parts, parts).
-        seen: c, measured position over its noise as a function of the parts, shape (parts,).
+        steps: A, transition matrix of the corrected components of the state over a step in each contact
+            state, shape (states, parts, parts).
+        seen: c, derivative of the measured position, over its noise, by each component, shape (parts,).
         noises: Q, covariance of the disturbance in a step, shape (parts, parts).
 
     Returns:
@@ -143,7 +151,10 @@ def kalman_gains(steps: Matrix, seen: Matrix, noises: Matrix) -> Matrix:
 
 
 def _solved(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
-    """Return the solutions of a stack of linear systems `left` x = `right`; NaN for singular systems."""
+    """Return the solutions x of a stack of linear systems `left` x = `right`; NaN for singular systems.
+
+    `left` has the shape (systems, n, n), `right` and the result have the shape (systems, n, m).
+    """
     try:
         return np.linalg.solve(left, right)
     except np.linalg.LinAlgError:
@@ -161,8 +172,8 @@ def stationary_errors(steps: Matrix, seen: Matrix, noises: Matrix, gains: Matrix
     solving a system of equations.
 
     Args:
-        steps: transition of an error over a step in each contact state, shape (states, parts, parts).
-        seen: measured position over its noise as a function of the parts, shape (parts,).
+        steps: transition matrix of an error over a step in each contact state, shape (states, parts, parts).
+        seen: derivative of the measured position, over its noise, by each component, shape (parts,).
         noises: covariance of the disturbance in a step, shape (parts, parts).
         gains: the gains to be tried, shape (gains, parts).
 

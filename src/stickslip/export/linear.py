@@ -20,8 +20,8 @@ Matrix = NDArray[np.float64]
 # of the end-effector, deflection Z of all bristles as one. From MORE on: position and velocity of each of the
 # stage's further modes.
 Y, W, X, S, Z, MORE = range(6)
-# Largest ratio of a step to a bristle's relaxation time; a faster bristle is slowed down to this ratio, which
-# changes nothing, because it reaches its equilibrium within a step anyway.
+# Largest ratio of a step to a bristle's relaxation time, which limits the matrix whose exponential is
+# computed. A faster bristle is slowed down to this ratio; it still reaches its equilibrium within a step.
 _FASTEST = 1e4
 
 
@@ -30,23 +30,27 @@ class ContactSlopes(NamedTuple):
 
     F is the friction force, v the sliding velocity and z the deflection of the bristle, each as a small
     change. `rests` is True for a contact without presliding that sticks, where v = 0 replaces the equations.
+    For a rotary actuator m is rad, and N is N m.
     """
 
     force_z: float = 0.0  # change of friction force per deflection, N/m
     force_v: float = 0.0  # change of friction force per sliding velocity, N s/m
     a: float = 0.0
-    b: float = 0.0  # relaxation rate of the deflection (negative), 1/s
+    b: float = 0.0  # rate of change of the deflection per deflection, 1/s; negative: the bristle relaxes
     rests: bool = False
 
 
 class Method:
-    """Linearised motion of stage, end-effector and bristle over a step; `after` adds the contact.
+    """Linearised motion of stage, end-effector and bristle; `after` adds the contact and returns a step.
 
-    `size` is the number of states. `stage` are the indices of the stage's positions, one for each mode.
+    `size` is the number of components of the state, `stage` has the indices of the stage's positions, one for
+    each mode. `clamped` is True if the end-effector is fixed to the stage, `kinematic` if the stage follows
+    the input exactly. `push` is the rate of change of the state per friction force, `forces` the same for
+    unit forces on stage and end-effector.
 
     Args:
         model: actuator or pulled slider.
-        h: s, the step.
+        h: duration of the step, s.
     """
 
     def __init__(self, model: Any, h: float) -> None:
@@ -74,7 +78,10 @@ class Method:
         self.motion, self.push = a, push
 
     def after(self, contact: ContactSlopes) -> Matrix:
-        """Return the matrix that propagates a small error of the state over a step, shape (size, size)."""
+        """Return the matrix that propagates a small error of the state over a step, shape (size, size).
+
+        `contact` is the linearised contact, from `contacts`.
+        """
         a, push, start = self.motion.copy(), self.push, np.eye(self.size)
         if self.kinematic:  # the stage's position is given by the input, so its errors vanish
             start[[Y, W]] = 0.0
@@ -97,11 +104,12 @@ def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], 
 
     Args:
         law: friction law.
-        h: s, the step.
-        mobility: 1/kg, acceleration of the end-effector per friction force.
+        h: duration of the step, s, which determines the sliding speeds.
+        mobility: acceleration of the end-effector per friction force, 1/kg, or 1/(kg m^2) for a rotary one.
 
     Returns:
-        The linearised contact in each state, and the largest friction force of the contact at low speed, N.
+        The linearised contact in each state, and the largest friction force of the contact at low speed, N,
+        or N m for a rotary actuator.
     """
     parts = [element(law, i) for i in range(max(elements(law), 1))]
     if elements(law) == 0:
@@ -119,8 +127,9 @@ def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], 
         at = [min(share * longest, z) for z in far]
         for v in (1e-6, -1e-6):
             stuck = _slopes(parts, at, v, rest=True)
-            # A bristle without relaxation would oscillate for ever. In a real contact even slow sliding
-            # renews the bristles, so a deflection decays over a sliding distance of the largest deflection.
+            # Without relaxation, an error of a bristle's deflection would oscillate for ever. In a real
+            # contact even slow sliding renews the bristles, so the error decays over a sliding distance of
+            # the largest deflection.
             made.append(stuck._replace(b=min(stuck.b, -abs(v) / longest)))
     for v in (share * longest / h for share in (0.03, 0.3, 3.0, 30.0)):
         made.append(_slopes(parts, [_still(one, v) for one in parts], v, rest=False))
@@ -128,7 +137,10 @@ def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], 
 
 
 def _still(one: Any, v: float) -> float:
-    """Return the deflection of a bristle, m, in steady sliding at v [m/s]."""
+    """Return the deflection of a bristle in steady sliding at v > 0 [m/s], by bisection from 0 to 1 m.
+
+    `one` is an element of the friction law.
+    """
     low, high = 0.0, 1.0
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -143,7 +155,7 @@ def _slopes(parts: list[Any], at: list[float], v: float, rest: bool) -> ContactS
         parts: the elements of the law.
         at: deflection of each element, m.
         v: sliding velocity, m/s.
-        rest: if True, the slopes over velocity are secants from rest to v; otherwise tangents at v.
+        rest: if True, the derivatives by velocity are secants from rest to v; otherwise tangents at v.
     """
     force_z = force_v = taken = given = 0.0
     for one, z in zip(parts, at, strict=True):

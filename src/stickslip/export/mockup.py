@@ -57,12 +57,12 @@ def export_fmu(
 
     Args:
         source, amplifier, piezo_capacitance, sensor, chain, measurement_noise: as for `export_c`.
-        out: the folder to make; the FMU in it is named after the model and the mode.
-        fmi: 2 or 3.
-        mode: "plant" (voltage in, displacement out), "observer" (voltage and measured displacement in, states
-            out) or "feedforward" (wanted motion in, voltage out).
-        step: s, the longest internal step, a parameter of the FMU; of an observer, which has one gain, the
-            communication step.
+        out: new folder for the FMU, whose name consists of the model's name and the mode.
+        fmi: version of FMI, 2 or 3.
+        mode: "plant" (drive voltage in, motion out), "observer" (drive voltage and measured position in,
+            estimated motion out) or "feedforward" (wanted motion in, drive voltage out).
+        step: longest internal step, s, a parameter of the FMU. For an observer, whose gain is valid for one
+            step, the communication step.
         compiler: command that compiles the binary; "" leaves the binary out, and the importer compiles the
             sources.
 
@@ -138,8 +138,10 @@ def export_fmu(
 def _compile(compiler: str, root: Path, fmi: int, identifier: str) -> None:
     """Compile the sources in the folder `root` of an FMU to a shared library for 64-bit Linux.
 
+    The library is written to the folder binaries, under the name `identifier`. Warnings count as errors.
+
     Raises:
-        ExportError: the compiler fails; the message has its errors.
+        ExportError: the compiler fails; the message contains the compiler's errors.
     """
     target = root / "binaries" / _BINARIES[fmi]
     target.mkdir(parents=True)

@@ -1,5 +1,7 @@
-"""Write the stage's vibration modes after its first in C: the functions that give their numbers to the
-engine, which simulates them."""
+"""Write the stage's vibration modes after the first one in C: functions that return their numbers.
+
+The engine simulates all modes.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +12,11 @@ from ..simulation.models import stage_mode
 
 
 def modes_c(made: Translation, model: Any) -> list[str]:
-    """Return C lines of a stage's modes after the first: their number and, if there are any, functions of
-    their values and of their acceleration by the contact's force."""
+    """Return C lines of a stage's modes after the first one.
+
+    They are the macro STICKSLIP_FURTHER, the number of these modes, and, if there are any, two functions of a
+    mode's index. These return its record ss_Mode, and its acceleration per unit of the contact's force.
+    """
     modes = getattr(model, "further_modes", None)
     count = 0 if modes is None else len(modes.gain)
     lines = [f"#define STICKSLIP_FURTHER {count} /* modes of the stage after its first */"]

@@ -1,9 +1,9 @@
 """Write hysteresis and creep of a piezo in C, as loops over translated functions of
 `stickslip.physics.piezo`.
 
-Within a step the voltage is linear in time. The hysteresis output is taken as linear, too, and creep is exact
-for a linear input. The elements of a `MaxwellCapacitor` (a two-port: charge and force act on each other) are
-simulated by the engine.
+Within a step the voltage is linear in time. The output of the hysteresis is approximated as linear, too, and
+creep is exact for a linear input. The engine simulates the elements of a `MaxwellCapacitor`, a two-port:
+charge and force act on each other.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ from ..simulation.two_port import PER_VOLT
 
 
 def refused(piezo: Piezo | None) -> str:
-    """Return the reason why a piezo model cannot be exported, as a sentence; "" if it can."""
+    """Return the reason why a piezo model cannot be exported, as a text; "" if it can, or without a piezo.
+
+    Exported code has the hystereses PrandtlIshlinskii, BoucWen and MaxwellCapacitor, and Creep.
+    """
     if piezo is None:
         return ""
     hystereses = PrandtlIshlinskii | BoucWen | MaxwellCapacitor
@@ -37,8 +40,11 @@ def refused(piezo: Piezo | None) -> str:
 
 
 def piezo_c(made: Translation, piezo: Piezo | None) -> list[str]:
-    """Return C lines of a piezo's hysteresis and creep: the numbers of their states, and the functions that
-    the step method calls."""
+    """Return C lines of a piezo's hysteresis and creep, which the exported step method uses.
+
+    They are macros of the numbers of states, and, where needed, the functions stickslip_hysteresis and
+    stickslip_creep. `made` is the translation, to which their functions are added.
+    """
     hysteresis, creep = (None, None) if piezo is None else piezo
     port = isinstance(hysteresis, MaxwellCapacitor)
     counts = {
@@ -96,7 +102,11 @@ def felt(gain, stage_mass, natural_frequency, capacitance):  # type: ignore[no-u
 
 
 def two_port_c(made: Translation, model: Any) -> list[str]:
-    """Return C lines for the elements ("stops") of a `MaxwellCapacitor`; none if the model has none."""
+    """Return C lines for the elements ("stops") of a `MaxwellCapacitor`; [] if the model has none.
+
+    The engine simulates a stop as an element of a friction law. The lines contain the law, `felt` in C, and a
+    function that computes the numbers of all stops.
+    """
     port = getattr(model, "two_port", None)
     if port is None:
         return []
@@ -139,8 +149,10 @@ def two_port_c(made: Translation, model: Any) -> list[str]:
 
 
 def two_port_checks(model: Any) -> list[str]:
-    """Return C lines that return an error if the elements of a `MaxwellCapacitor` do not slip in their
-    order."""
+    """Return C lines that return an error message if the elements of a `MaxwellCapacitor` are out of order.
+
+    The charges at which they slip must ascend. The list is empty if the model has fewer than two elements.
+    """
     port = getattr(model, "two_port", None)
     of = "model->piezo.hysteresis"
     said = "MaxwellCapacitor: the charges at which the elements slip must ascend"

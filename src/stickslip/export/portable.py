@@ -32,7 +32,7 @@ from .values import parameters_c, plain
 from .writing import whole
 
 C = Path(__file__).parent / "c"
-# Bandwidth that an amplifier gets if only its slew rate is known, Hz: so large that it has no effect.
+# Bandwidth of an amplifier of which only the slew rate is known, Hz: so large that it has no effect.
 AT_ONCE = 1e7
 # Fraction of the period in which the default sawtooth (5 Hz) falls, for a model that cannot follow a jump:
 # 0.4 ms, 20 default steps.
@@ -63,20 +63,21 @@ def export_c(
         source: an `Actuator` or `PulledSlider`, a `Fit` of one, the name or file of a parameter set, or the
             results.json of ``stickslip identify`` on a walk.
         out: new folder.
-        step: s, time step of the example programs and of the observer's gain; the plant takes any step.
+        step: time step of the example programs and of the observer's gain, s; the plant takes any step.
         waveform: waveform of the example; by default a sawtooth of 65 V (or what the actuator takes) and 5
             Hz, which falls in 0.4 ms where the model cannot follow a jump (a static stage with a presliding
             law, a `MaxwellCapacitor`).
-        duration: s, played part of the waveform; by default its own duration, or eight periods if that is
+        duration: played part of the waveform, s; by default its own duration, or eight periods if that is
             infinite.
-        motion: motion of the feedforward example, a waveform in m; by default a sine of a tenth of the
-            stroke.
+        motion: motion of the feedforward example, a waveform in m, or rad for a rotary actuator; by default a
+            sine of a tenth of the stroke.
         amplifier: amplifier between the input and the piezo; needs the `piezo_capacitance` [F].
         sensor: a linear sensor on the end-effector, with its bandwidth.
-        chain: signal chain between the input and the piezo (its slew rate, without an amplifier), and between
-            the end-effector and its channel: the sensor's output is then late by its delay, in m. By default
-            the chain of a fit of walks or of a campaign's results.json; a delay below 0 is ignored.
-        measurement_noise: m, standard deviation of a measured position, for the observer's gain.
+        chain: measuring channel of the end-effector's position, instead of a sensor: the exported output is
+            delayed, in m or rad. Without an amplifier, its slew rate limits the drive voltage. By default the
+            chain of a fit of walks or of a campaign's results.json; a delay below 0 is ignored.
+        measurement_noise: standard deviation of a measured position, m, or rad for a rotary actuator, for the
+            observer's gain.
 
     Returns:
         The path of the folder.
@@ -85,6 +86,7 @@ def export_c(
         ExportError: the source cannot be exported, or `out` exists.
         TranslationError: the law is not written in the subset of Python that can be translated to C.
         ParameterSetError, QuantityError: a file or a value is wrong.
+        OSError: a file cannot be written.
     """
     h = checked_step(step)
     farad, seconds = (
@@ -98,7 +100,7 @@ def export_c(
     if waveform is not None and not hasattr(waveform, "drive"):
         raise QuantityError(f"waveform = {waveform!r:.60} is no waveform, such as Sawtooth('65 V', '5 Hz')")
     drive = default_waveform(found.model, amplifier) if waveform is None else waveform
-    if amplifier is None:  # an amplifier limits its output to its range, so any input is allowed
+    if amplifier is None:  # the output of an amplifier stays in its range, so any input of it is allowed
         checked_drive(found.model, drive, h, periodic=False, tolerance=math.inf)
     elif drive.unit != "V":
         raise QuantityError(f"the input of an amplifier is in V, not in {drive.unit}")
@@ -139,10 +141,14 @@ def core_files(
     Args:
         found: the model with the sources of its values.
         chain: amplifier and sensor.
-        h: s, the step.
-        noise: m, standard deviation of a measured position.
+        h: time step, s.
+        noise: standard deviation of a measured position, m, or rad for a rotary actuator.
         any_layout: if True, parameters may change which bodies and elements the model has; the code is then
             slower.
+
+    Raises:
+        ExportError: no gain of the observer is stable.
+        TranslationError: the friction law cannot be translated to C.
     """
     head = heading(found)
     files = {name: (C / name).read_text(encoding="utf-8") for name in CORE}
@@ -155,8 +161,10 @@ def core_files(
 
 
 def _engine(*texts: str) -> dict[str, str]:
-    """Return the engine's source files that C texts include, directly or through each other, as name ->
-    text."""
+    """Return the source files of the package's engine that C texts include, directly or indirectly.
+
+    `texts` are the contents of C files. The result has the contents of the engine's files by name.
+    """
     found: dict[str, str] = {}
     names = {name for text in texts for name in _INCLUDED.findall(text) if (SOURCES / name).exists()}
     while names := names - found.keys():
@@ -170,8 +178,8 @@ def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
 
     Args:
         model: actuator or pulled slider.
-        h: s, the step.
-        noise: m, standard deviation of a measured position.
+        h: time step, s.
+        noise: standard deviation of a measured position, m, or rad for a rotary actuator.
 
     Raises:
         ExportError: no gain is stable; the message names a shorter step with a stable gain, if there is one.
@@ -184,7 +192,7 @@ def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
                 return gain
             shorter = (h / 2**k for k in range(1, 24) if h / 2**k >= 1e-9)
             does = next((one for one in shorter if observer_gain(model, one, noise) is not None), None)
-    except (ArithmeticError, ValueError) as error:  # SciPy finds no solution, or a number became infinite
+    except (ArithmeticError, ValueError) as error:  # SciPy finds no solution, or a number is infinite
         why = str(error)
     if does is not None:
         raise ExportError(
@@ -200,7 +208,7 @@ def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
 
 
 def heading(found: Exported) -> str:
-    """Return the first comment of each generated C file: model, version, sources of its values, licence."""
+    """Return the first comment of each generated C file: model, version, citations, units, licence."""
     keys = ", ".join(found.model.citation_keys) or "none"
     model, law = type(found.model).__name__, type(found.model.friction).__name__
     rotary = getattr(found.model, "rotary", False)
@@ -216,7 +224,10 @@ def heading(found: Exported) -> str:
 
 
 def checked_step(step: float | str) -> float:
-    """Return a time step in s. Raises QuantityError if it is not within 1 ns to 1 s."""
+    """Convert a time step (a number in s, or a text with a unit) to s; return it.
+
+    Raises QuantityError if the step is not within 1 ns to 1 s.
+    """
     h = to_si(step, "s", "step")
     if not 1e-9 <= h <= 1.0:
         raise QuantityError(f"step = {h:g} s is out of range: it must be >= 1e-09 s and <= 1 s")
@@ -224,8 +235,10 @@ def checked_step(step: float | str) -> float:
 
 
 def checked_noise(noise: float | str, model: Any) -> float:
-    """Return the standard deviation of a measured position in m (rad for a rotary model). Raises
-    QuantityError if it is not positive and finite."""
+    """Convert the standard deviation of a measured position to m, or rad for a rotary model; return it.
+
+    Raises QuantityError if it is not positive and finite.
+    """
     unit = unit_for(model, "m")
     found = to_si(noise, unit, "measurement_noise")
     if not 0.0 < found < math.inf:
@@ -240,10 +253,10 @@ def signal_chain(
     sensor: StrainGauge | None,
     chain: Chain | None,
 ) -> SignalChain:
-    """Check the devices around the actuator and return those to export.
+    """Check the devices around the actuator, and return the amplifier and the sensor to export.
 
-    A signal chain of the position channel stands for the sensor and, if its slew rate is known, for the
-    amplifier.
+    A signal chain of the position channel replaces the sensor. If there is no amplifier and the chain's slew
+    rate is known, an amplifier with this slew rate and no other limits is added.
 
     Args:
         found: the model, with the chain that recordings determined, which is used if `chain` is None.
@@ -270,7 +283,7 @@ def signal_chain(
         if amplifier is None and chain.known_slew_rate is not None:
             low, high = max(found.model.min_voltage, -1e6), min(found.model.max_voltage, 1e6)
             amplifier = Amplifier(1.0, 0.0, AT_ONCE, chain.slew_rate, math.inf, low, high)
-            farad = farad or 1e-6  # any value: without a current limit the capacitance has no effect
+            farad = farad or 1e-6  # arbitrary: without a limit of the current, the capacitance has no effect
     if amplifier is None:
         return SignalChain(sensor=seen)
     if farad is None:
@@ -286,8 +299,8 @@ def signal_chain(
 def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform:
     """Return the sawtooth of the example program, within the model's limits.
 
-    For an actuator it has 65 V or less and 5 Hz, converted to the amplifier's input if there is one. For a
-    pulled slider it moves the spring's end by 0.1 mm at 1 Hz.
+    For an actuator it has eight periods of 5 Hz and 65 V or less at the piezo; with an amplifier, its values
+    are the amplifier's input. For a pulled slider it moves the spring's end by 0.1 mm, four times at 1 Hz.
     """
     if not isinstance(model, Actuator):
         return Sawtooth(1e-4, 1.0, periods=4, unit="m")
@@ -300,9 +313,9 @@ def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform
 def _default_motion(model: Actuator, h: float) -> Waveform:
     """Return the wanted motion of the feedforward example: a sine of the stage's displacement, m or rad.
 
-    Its frequency is about 10 Hz. Its amplitude is a tenth of the displacement at 65 V (or the largest
-    voltage), about the middle of that. Its period is a whole number of steps h [s], so that one table repeats
-    it.
+    Its frequency is about 10 Hz. Its amplitude is a tenth of the displacement at 65 V (or at the largest
+    voltage, if that is less), around half of this displacement. Its period is a whole number of steps h [s],
+    so that a table of one period can be repeated.
     """
     reach = 0.1 * abs(model.gain) * min(65.0, model.max_voltage)
     middle = 5.0 * reach + model.gain * max(0.0, model.min_voltage)
@@ -315,7 +328,9 @@ def repr_of(waveform: Waveform) -> str:
 
 
 def write_files(folder: Path, files: dict[str, str]) -> None:
-    """Write ASCII files, given as name -> text, to a folder and its subfolders."""
+    """Write ASCII files to a folder and its subfolders, which are made; `files` has the texts by relative
+    path.
+    """
     for name, text in files.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="ascii")

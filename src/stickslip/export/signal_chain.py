@@ -38,7 +38,8 @@ def amplifier_after(amplifier, capacitance, wanted, now, h):
     if abs(gap) > slew * tau:
         ramp = min((abs(gap) - slew * tau) / slew, h)
         gap -= math.copysign(slew * ramp, gap)
-    return target - gap * (math.exp((ramp - h) / tau) if ramp < h else 1.0)  # avoids 0/0 for tau = 0
+    # The condition avoids 0/0 in the exponent for a time constant tau = 0.
+    return target - gap * (math.exp((ramp - h) / tau) if ramp < h else 1.0)
 
 
 def sensor_after(sensor, position, now, h):

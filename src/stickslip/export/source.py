@@ -20,14 +20,14 @@ from .piezo import refused
 
 
 class ExportError(ValueError):
-    """Error: a model cannot be exported, or not to this place; the message says why."""
+    """Error: a model cannot be exported, or not to this folder; the message says why."""
 
 
 class Exported(NamedTuple):
     """A model to export.
 
-    `sources` has the source of each value in words, by field such as "friction.sigma_0". `chain` is the
-    signal chain of the position channel, or None if recordings determined none.
+    `sources` has the source of each value of the model in words, by field such as "friction.sigma_0". `chain`
+    is the signal chain of the position channel, or None if no fit to recordings determined one.
     """
 
     model: Any
@@ -36,10 +36,14 @@ class Exported(NamedTuple):
 
 
 def exported(source: Any) -> Exported:
-    """Return the model to export from a parameter set (its name or file), a results.json, a `Fit` or a model.
+    """Return the model to export, with the sources of its values.
+
+    Args:
+        source: name or file of a parameter set, path of a results.json, a `Fit`, an `Actuator` or a
+            `PulledSlider`.
 
     Raises:
-        ExportError: the source has no actuator, or is of another kind.
+        ExportError: the source has no actuator, is of another kind, or its model has unsupported parts.
         ParameterSetError, QuantityError: a file is missing or wrong.
     """
     model = getattr(source, "model", source)
@@ -74,7 +78,10 @@ def exported(source: Any) -> Exported:
 
 
 def _refuse(model: Any) -> None:
-    """Raise ExportError for a model with parts that exported code does not support."""
+    """Raise ExportError for a model with parts that exported code does not support.
+
+    These parts are some piezo models (`refused`), and a normal force that varies along the stroke.
+    """
     said = refused(getattr(model, "piezo", None))
     if not said and getattr(model, "normal_force", None) is not None:
         said = "a normal force along the stroke is not part of exported code: set normal_force to None"
@@ -115,11 +122,14 @@ def _sources(model: Any, fitted: dict[str, str]) -> dict[str, str]:
     Args:
         model: actuator or pulled slider; its parameter set, if it has one, is read again for the sources.
         fitted: source of each fitted value by the last part of its field, such as "sigma_0".
+
+    Returns:
+        A text such as "fitted, ...", "ASSUMED: ...", a citation, "default" or "given by hand", by field.
     """
     load = load_actuator if isinstance(model, Actuator) else load_pulled_slider
     parameters, original = None, {}
     if model.name:
-        with suppress(ParameterSetError):  # the file may have been deleted since
+        with suppress(ParameterSetError):  # the set's file may have been deleted since the model was loaded
             parameters = load_set(model.name)
             original = exported_values(load(model.name))
     found = {}
@@ -165,8 +175,10 @@ def exported_values(model: Any) -> dict[str, Any]:
 
 
 def meaning(model: Any, name: str) -> tuple[str, str, str]:
-    """Return unit, symbol and meaning of the value `name` (a key of `exported_values`); unit and symbol may
-    be ""."""
+    """Return unit, symbol and meaning of the value `name`, a key of `exported_values`.
+
+    Unit and symbol may be "". A value that is no declared quantity, such as a bool, has its name as meaning.
+    """
     path, _, field = name.rpartition(".")
     owner = model
     for part in path.split(".") if path else ():

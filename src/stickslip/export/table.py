@@ -1,4 +1,7 @@
-"""Approximate a waveform by straight lines over whole time steps, a table that a timer interrupt can play."""
+"""Approximate a waveform by straight lines over whole time steps, for a microcontroller to play.
+
+The lines are a table in C; a timer interrupt at each step computes the next value from the table.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +19,17 @@ from ..waveform.signal import Waveform
 
 _MOST_STEPS = 20_000_000
 _MOST_LINES = 20_000
-# _SHORT: largest number of steps of a line that is searched from many starts at once; _AT_ONCE: largest
-# number of starts times steps in this search; _LONG: number of steps searched at once for a longer line.
+# Sizes of array operations in the search for lines, which only affect its speed. _SHORT: largest number of
+# steps of a line that is searched from many starts at once; _AT_ONCE: largest number of starts times steps in
+# this search; _LONG: largest number of steps searched at once for a longer line.
 _SHORT, _AT_ONCE, _LONG = 64, 4096, 65536
 
 
 class TableLine(NamedTuple):
-    """A straight line of the table: number of time steps, value at its start, value at its end."""
+    """A straight line of the table: number of time steps, value at its start, value at its end.
+
+    The values are in the waveform's unit.
+    """
 
     steps: int
     begin: float
@@ -30,13 +37,16 @@ class TableLine(NamedTuple):
 
 
 class Played(NamedTuple):
-    """A waveform as a table: the lines of one period (or of the whole duration), how often they repeat, and
-    the unit of their values."""
+    """A waveform as a table of lines.
+
+    `lines` cover one period (or the whole duration), `repeats` is the number of times that they are played,
+    and `unit` is the unit of their values.
+    """
 
     lines: list[TableLine]
     repeats: int
     unit: str
-    between: bool = False  # True if the waveform jumps inside a step; the table ramps over this step instead
+    between: bool = False  # True if the waveform jumps within a step; the table ramps over this step instead
 
     @property
     def steps(self) -> int:
@@ -52,14 +62,14 @@ def played(
     If the period is a whole number of steps and is played at least twice, the table has one period.
 
     Args:
-        waveform: the drive signal.
-        h: s, the step.
-        duration: s, played part; None: the waveform's duration, or eight periods if that is infinite.
-        tolerance: largest error at the steps, relative to the waveform's range.
+        waveform: the drive signal or motion.
+        h: time step, s.
+        duration: played part, s; None: the waveform's duration, or eight periods if that is infinite.
+        tolerance: largest error at the steps, as a fraction of the waveform's range.
         name: name of the waveform in errors.
 
     Raises:
-        QuantityError: no duration, or too many steps or lines for a table.
+        QuantityError: the duration is infinite or shorter than a step, or there are too many steps or lines.
     """
     period: float | None = getattr(waveform, "period", None)
     seconds = duration if duration is not None else waveform.duration
@@ -76,7 +86,8 @@ def played(
         raise QuantityError(f"{name}: {length:g} s are {steps} steps of {h:g} s, more than {_MOST_STEPS}")
     table = waveform.drive(length)
     times: NDArray[np.float64] = np.arange(steps + 1, dtype=np.float64) * h
-    nearly = h * 1e-7  # a jump on the grid of the steps belongs to the later step
+    # Values are taken just inside each step, so that a jump between two steps belongs to neither.
+    nearly = h * 1e-7
     begin = evaluate(table, times[:-1] + nearly)[0]
     end = evaluate(table, times[1:] - nearly)[0]
     low, high = waveform.range()
@@ -92,18 +103,21 @@ def played(
 
 
 def _jumps_between(table: Drive, h: float, least: float) -> bool:
-    """Return True if a drive jumps by more than `least`, in its unit, inside a step of h [s], not at its
-    end."""
+    """Return True if a drive jumps within a step of h [s], not at the end of a step.
+
+    Jumps up to `least`, in the drive's unit, do not count.
+    """
     breaks, nearly = table.start[1:], h * 1e-7
     jump = np.abs(evaluate(table, breaks + nearly)[0] - evaluate(table, breaks - nearly)[0])
     return bool(np.any((jump > least) & (np.abs(breaks / h - np.rint(breaks / h)) > 1e-6)))
 
 
 class _Steps(NamedTuple):
-    """Values of a waveform in each step: at its start, at its end, and the larger and the smaller one of its
-    end and the next step's start.
+    """Values of a waveform in each step, arrays [steps].
 
-    The last two differ at a jump. A line that continues through it must be near both.
+    `begin` and `end` are the values at start and end of the step. `over` and `under` are the larger and the
+    smaller of the value at the end and the value at the next step's start. They differ at a jump; a line that
+    continues through the jump must be near both.
     """
 
     begin: NDArray[np.float64]
@@ -115,7 +129,7 @@ class _Steps(NamedTuple):
 def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[TableLine]:
     """Approximate values by few lines with a greedy search: each line is as long as the tolerance allows.
 
-    The search stops above `_MOST_LINES` lines, which is then a table that is too long.
+    The search stops as soon as there are more than `_MOST_LINES` lines; the caller refuses this table.
 
     Args:
         begin: value at the start of each step.
@@ -149,9 +163,16 @@ def _lines(begin: NDArray[Any], end: NDArray[Any], tolerance: float) -> list[Tab
 
 
 def _short(steps: _Steps, first: int, starts: int, most: int, tolerance: float) -> list[int]:
-    """Return the largest length of a line, in steps, from each of `starts` consecutive steps from `first` on.
+    """Return the largest length of a line, in steps, from each of several consecutive steps.
 
     The length is 0 if it may exceed `most`; `_longest` must then find it.
+
+    Args:
+        steps: values of the waveform.
+        first: index of the first step from which a line starts.
+        starts: number of consecutive steps from which lines start.
+        most: number of steps that are searched from each start.
+        tolerance: largest error of a line, in the unit of the values.
     """
     end, over, under = (sliding_window_view(part, most)[first : first + starts] for part in steps[1:])
     low, high = np.full(starts, -np.inf), np.full(starts, np.inf)
@@ -163,7 +184,8 @@ def _short(steps: _Steps, first: int, starts: int, most: int, tolerance: float) 
 def _longest(steps: _Steps, first: int, likely: int, tolerance: float) -> int:
     """Return the largest length, in steps, of a line from the step `first` on.
 
-    The steps are searched in parts. The first part has `likely` steps, which saves time if it is long enough.
+    The steps are searched in parts of increasing length. The first part has `likely` steps, or `_SHORT` if
+    that is more; one part is enough if the line ends in it.
     """
     length, done, part = 1, 0, max(likely, _SHORT)
     low, high = np.float64(-np.inf), np.float64(np.inf)
@@ -189,7 +211,7 @@ def _fitting(
         begin: value at the start of the line.
         end, over, under: values of the steps, as in `_Steps`; the last axis is the step.
         done: number of steps between the start and the first of these steps.
-        low, high: range of slopes, per step, that the steps before allow.
+        low, high: range of slopes, per step, that the previous steps allow.
         tolerance: largest error, in the unit of the values.
 
     Returns:
@@ -211,11 +233,13 @@ def _fitting(
 def table_h(name: str, what: str, table: Played, h: float) -> str:
     """Return the text of a C header with the table of a waveform.
 
+    The header also defines the step, the number of repeats, and the start of a player (`stickslip_player`).
+
     Args:
         name: name of the C array, in lower case.
         what: description of the waveform for the comment.
         table: the lines.
-        h: s, the step.
+        h: time step, s.
     """
     rows = ",\n".join(f"    {{{line.steps}L, {real(line.begin)}, {real(line.end)}}}" for line in table.lines)
     upper = name.upper()

@@ -15,6 +15,9 @@ from .source import Exported, exported_values, meaning
 def parameters_c(found: Exported, chain: SignalChain, gain: NDArray[Any]) -> str:
     """Return the text of stickslip_parameters.c, without its first comment.
 
+    Its function stickslip_default_parameters returns a struct of the values of model, signal chain and
+    observer's gain.
+
     Args:
         found: the model with the sources of its values.
         chain: amplifier and sensor.
@@ -64,6 +67,9 @@ _SPELLED = str.maketrans({
 
 
 def plain(text: str) -> str:
-    """Return a text in ASCII (Greek letters spelled out), on one line and safe inside a C comment."""
+    """Return a text in ASCII, on one line, and without the start or the end of a C comment.
+
+    Greek letters and some signs are spelled out; other letters beyond ASCII become "?".
+    """
     ascii_text = text.translate(_SPELLED).encode("ascii", "replace").decode()
     return " ".join(ascii_text.replace("*/", "* /").replace("/*", "/ *").split())

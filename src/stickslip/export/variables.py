@@ -12,12 +12,15 @@ from .source import Exported, exported_values, meaning
 from .values import plain
 
 Mode = Literal["plant", "observer", "feedforward"]
-MEASURED = "measured_position"  # name of the input that only an observer has
+MEASURED = "measured_position"  # name of an input that only the mode "observer" has
 
 
 class ModelVariable(NamedTuple):
-    """One variable of an FMU: its attributes in modelDescription.xml, and `c`, its member of the C struct
-    fmi_data. `reference` is its value reference."""
+    """One variable of an FMU: its attributes in modelDescription.xml, and its place in the C code.
+
+    `reference` is the value reference, by which importers name the variable. `c` is its member of the C
+    struct fmi_data. `start` is the initial value; None for outputs without one.
+    """
 
     name: str
     reference: int
@@ -51,15 +54,17 @@ _INPUTS, _FIRST_OUTPUT, _FIRST_PARAMETER = 1, 100, 1000
 def variables(
     found: Exported, chain: SignalChain, mode: Mode, step: float, rest: float
 ) -> list[ModelVariable]:
-    """Return all variables of a mode; value references from 1 are inputs, from 100 outputs, from 1000
-    parameters.
+    """Return all variables of an FMU: inputs, outputs and parameters, with units of the linear or rotary
+    model.
+
+    Value references of inputs are from 1, of outputs from 100, and of parameters from 1000 on.
 
     Args:
         found: the model with the sources of its values.
         chain: amplifier and sensor.
-        mode: plant, observer or feedforward.
-        step: s, the longest internal step.
-        rest: input at rest, V (m for a pulled slider).
+        mode: "plant", "observer" or "feedforward", see `export_fmu`.
+        step: longest internal step, s.
+        rest: input at rest, V, or m for a pulled slider.
     """
     made = [*_inputs(found.model, mode, step, rest), *_outputs(found.model, chain, mode)]
     # An observer's gain is valid only for the step of its export, so that step is no parameter.
@@ -136,14 +141,17 @@ def _parameters(found: Exported, step: float) -> list[ModelVariable]:
 
 
 def variables_h(found: list[ModelVariable], mode: Mode, token: str, step: float, rest: float) -> str:
-    """Return the text of fmi_variables.h, without its first comment, which gives the C code its variables.
+    """Return the text of fmi_variables.h, without its first comment.
+
+    Its C functions return the address of a variable for a value reference, and tell inputs and parameters
+    apart; its macros have mode, token, step and input at rest.
 
     Args:
         found: all variables of the FMU.
-        mode: plant, observer or feedforward.
+        mode: "plant", "observer" or "feedforward".
         token: GUID in braces, as in modelDescription.xml.
-        step: s, default of the longest internal step.
-        rest: input at rest, V (m for a pulled slider).
+        step: default of the longest internal step, s.
+        rest: input at rest, V, or m for a pulled slider.
     """
     accessors = []
     for kind, boolean in (("real", False), ("boolean", True)):

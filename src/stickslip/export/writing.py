@@ -14,9 +14,9 @@ from .source import ExportError
 
 @contextmanager
 def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a new temporary folder to write into, which is renamed to `out` at the end.
+    """Provide a context with a new temporary folder beside `out`, which is renamed to `out` at the end.
 
-    If an error occurs in the context, the temporary folder is deleted.
+    If an error occurs in the context, the temporary folder is deleted and `out` does not appear.
 
     Raises:
         ExportError: `out` is no path, exists already, or cannot be made.
@@ -38,7 +38,7 @@ def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
         made.rename(target)
     except BaseException as error:
         shutil.rmtree(made, ignore_errors=True)
-        # The error of a full disk has no path, or that of the temporary folder: name `out` instead.
+        # The error of a full disk names no path, or the path of the temporary folder; `out` is named instead.
         if isinstance(error, OSError) and error.errno is not None:
             raise OSError(error.errno, error.strerror, str(target)) from error
         raise

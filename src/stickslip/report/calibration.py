@@ -20,8 +20,8 @@ def calibration_document(
     Args:
         calibration: calibration fitted to the table.
         table: the readings (after an earlier calibration, if this one corrects it) and the true values.
-        left_out: rms error at points left out of the fit, by the polynomial's order, from
-            `cross_validation`; empty without a comparison of orders.
+        left_out: rms error at points left out of the fit, in the calibration's output unit, by the
+            polynomial's order, from `cross_validation`; empty without a comparison of orders.
     """
     unit, keys = calibration.y_unit, keys_in(table.source)
     errors = calibration.standard_errors or (None,) * len(calibration.coefficients)

@@ -17,8 +17,9 @@ _LIBRARIES = ("numpy", "scipy", "xarray", "pandas", "h5netcdf", "matplotlib", "j
 class Circumstances:
     """Circumstances of a report.
 
-    `made` is date and time in ISO 8601 with the time zone, `command` the user's command line, `elapsed` the
-    duration of the work in s (None: not measured), `versions` those of libraries by name.
+    `made` is date and time in ISO 8601 with the time zone, `command` the user's command line ("" for none),
+    and `elapsed` the duration of the work in s (None: not measured). `machine` describes system and
+    processors in words. `versions` has the versions of stickslip, Python and libraries by name.
     """
 
     made: str
@@ -29,9 +30,10 @@ class Circumstances:
 
 
 def circumstances(command: str = "", elapsed: float | None = None) -> Circumstances:
-    """Return the present time, the machine and the versions of installed libraries, for a report.
+    """Return the circumstances of a report: the present time, this machine, and versions of its libraries.
 
     `command` is the user's command line, `elapsed` the duration of the work in s (None: not measured).
+    Libraries that are not installed are left out.
     """
     versions = {"stickslip": __version__, "Python": platform.python_version()}
     for name in _LIBRARIES:

@@ -24,11 +24,14 @@ class DocumentError(ValueError):
 
 @dataclass(frozen=True)
 class Number:
-    """A value with its unit (SI, "" for a plain number) and, if known, its uncertainty.
+    """A value with its unit (SI, "" for a plain number) and, if known, its uncertainty, in the same unit.
 
-    `low` and `high` bound the confidence interval of the `level`; `note` is the reason for a missing value
-    (NaN), or another remark. `systematic` is the interval for systematic errors alone, `both` that for
-    systematic and statistical errors.
+    `low` and `high` are the ends of the confidence interval with the probability `level`. `note` is the
+    reason for a missing value (NaN), or another remark. `systematic` is the interval (low, high) for
+    systematic errors alone, `both` the interval for systematic and statistical errors.
+
+    Raises:
+        DocumentError: the value is no real number, the unit is no text, or an interval has one end only.
     """
 
     value: float
@@ -57,10 +60,10 @@ Cell = str | float | Number | None
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table: its name and unit, None for text and for `Number` cells of several units, "" for
-    plain numbers.
+    """A column of a table.
 
-    `digits` is the number of significant digits shown.
+    `unit` is the SI unit of its numbers, "" for plain numbers, None for text and for `Number` cells of
+    several units. `digits` is the number of significant digits shown.
     """
 
     name: str
@@ -70,7 +73,12 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table. Raises DocumentError for a number without a unit, or a row of the wrong length."""
+    """A table: `rows` have a cell for each column; `notes` are sentences below it, "" for none.
+
+    Raises:
+        DocumentError: a row has another length, or a cell is a number without a unit, in another unit than
+            its column, or neither number nor text.
+    """
 
     caption: str
     columns: Sequence[Column]
@@ -101,10 +109,13 @@ def _check_cell(cell: Any, column: Column, where: str) -> None:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure: `svg` is its text, from `figures.style.svg`, `alt` a description for people who cannot see
-    it.
+    """A figure: `svg` is an SVG element as text, `alt` describes the figure for people who cannot see it.
 
-    `name` is also the name of its file.
+    `name` is also the name of its file: lower-case letters, digits, - and _. `figures.style.svg` makes the
+    SVG.
+
+    Raises:
+        DocumentError: the name is not allowed, `alt` is empty, or `svg` is no SVG element.
     """
 
     name: str
@@ -125,7 +136,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Listing:
-    """Text to be shown unchanged: an input file, a log."""
+    """Text to be shown unchanged below its caption, such as an input file or a log."""
 
     caption: str
     text: str
@@ -133,8 +144,11 @@ class Listing:
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a document; its parts are shown in the order of the fields, `points` as a list of
-    sentences."""
+    """A section of a document.
+
+    Its parts are shown in the order of the fields: paragraphs, points (a list of sentences), tables, figures,
+    listings, and sections within the section.
+    """
 
     title: str
     paragraphs: Sequence[str] = ()
@@ -153,16 +167,19 @@ class Document:
     """A whole report.
 
     Args:
-        title, summary: what was done and the result, in a few sentences.
+        title, summary: the title, and what was done with the result, in a few sentences.
         sections: the body.
-        highlights: the main results: (name, number).
-        numbers: for results.json, nested: name -> `Number`, or a mapping with "value" and "unit" (and others
-            such as "low", "high"), or a mapping of these.
+        highlights: the main results, pairs of name in words and `Number`.
+        numbers: all results for results.json by name. Each is a `Number`, a mapping with "value" and "unit"
+            (and others such as "low", "high"), a text, a bool, or a mapping of these.
         assumptions: assumptions, a sentence each.
-        citations: BibTeX.
+        citations: BibTeX entries of the sources, one text; "" for none.
         failures: requirements that are not met, a sentence each.
         files: texts to write beside the report, by file name.
         interrupted: True if the work was stopped (Ctrl-C); the report shows the finished part.
+
+    Raises:
+        DocumentError: two pictures have the same name, or a text is given instead of a sequence.
     """
 
     title: str
@@ -189,8 +206,10 @@ class Document:
         return document_text(self)
 
     def _repr_html_(self) -> str:
-        """Return the report as HTML in its own frame, so that its style does not affect other cells of a
-        notebook."""
+        """Return the report as HTML in a frame of its own (iframe), which notebooks show.
+
+        So the style of the report does not affect other cells of the notebook.
+        """
         from .circumstances import circumstances
         from .html import report_html
 
@@ -198,16 +217,20 @@ class Document:
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 40rem; border: 0"></iframe>'
 
     def pictures(self) -> tuple[Picture, ...]:
-        """Return all pictures, in order."""
+        """Return all pictures of all sections and inner sections, in the order of the document."""
         return tuple(p for section in _flat(self.sections) for p in section.figures)
 
     def tables(self) -> tuple[Table, ...]:
-        """Return all tables, in order."""
+        """Return all tables of all sections and inner sections, in the order of the document."""
         return tuple(t for section in _flat(self.sections) for t in section.tables)
 
 
 def joined(*documents: Document) -> Document:
-    """Return the first document with the summaries, sections and numbers of the others appended."""
+    """Return one document with the contents of all: summaries, sections, numbers, assumptions, and so on.
+
+    The title is the first document's. If two documents have a number or a file of the same name, the later
+    one is taken.
+    """
     first = documents[0]
     together: dict[str, Any] = {"summary": " ".join(filter(None, (one.summary for one in documents)))}
     for name in ("sections", "highlights", "assumptions", "failures"):
@@ -231,9 +254,10 @@ def begun_by(document: Document, text: str) -> Document:
 
 
 def in_turns(part: Any) -> Any:
-    """Return a document, or a part of one, for a rotary actuator: rad for m, "torque" for "force".
+    """Return a document, or a part of one, with the units and names of a rotary actuator.
 
-    Only units and names are replaced; the values of the numbers stay.
+    Units have rad for m (rad/s for m/s) and N m for N. Names of columns have "torque" for "force", "angle"
+    for "position", and so on. The numbers' values, other texts and figures stay.
     """
     if isinstance(part, Column):
         unit = part.unit if part.unit is None else ANGLE.unit(part.unit)
@@ -255,10 +279,10 @@ def _flat(sections: Sequence[Section]) -> list[Section]:
 
 
 def _freeze(part: Any, where: str, names: Sequence[str]) -> None:
-    """Convert the fields `names` of a part to tuples, so that the part cannot change.
+    """Convert the fields `names` of a part of a document to tuples, so that the part cannot change.
 
-    Raises DocumentError for a single text, which would be taken for a sequence of letters. `where` names the
-    part in the message.
+    Raises DocumentError for a field that is one text, which would be taken for a sequence of letters. `where`
+    names the part in the message.
     """
     for name in names:
         value = getattr(part, name)

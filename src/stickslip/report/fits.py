@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
 
 def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
-    """Return each parameter's value with its standard error and confidence interval, by name.
+    """Return each shown parameter's value with its standard error and confidence interval, by name.
 
-    A fixed parameter has neither. `level` is the probability of the interval.
+    Intervals that include systematic errors are added where known. A fixed parameter has its value alone.
+    `level` is the probability of the intervals.
     """
     errors, intervals = fit.standard_errors, fit.confidence_intervals(level)
     wider = systematic_numbers(fit, level)
@@ -38,15 +39,17 @@ def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
     return found
 
 
-# A fit with more than `MOST_ROWS` parameters, such as one of many modes, shows the first `FIRST_ROWS` in its
-# table.
+# Limit of the table of parameters: a fit with more than `MOST_ROWS`, such as a fit of many modes, shows the
+# first `FIRST_ROWS`; results.json has all.
 MOST_ROWS, FIRST_ROWS = 60, 30
 
 
 def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
     """Return a table of a fit's parameters with their confidence intervals of the probability `level`.
 
-    Its notes say, in sentences, whether the search converged, and which parameters are undetermined.
+    A row has name and state of a parameter, its value with interval, the standard error, and, if systematic
+    errors are known, the interval that includes these. The notes say, in sentences, whether the search
+    converged, which parameters are undetermined, and which doubts there are.
     """
     columns = (
         Column("parameter"),
@@ -75,14 +78,14 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
 
 
 def _wider(number: Number) -> Number | None:
-    """Return the value with the interval that includes systematic errors; None if there is no such one."""
+    """Return the value with the interval that includes systematic errors; None if this one is not known."""
     if number.both is None:
         return None
     return Number(number.value, number.unit, *number.both, level=number.level)
 
 
 def fit_summary(fit: Fit, fitted: int, failures: Sequence[str], verified: str = "") -> str:
-    """Return a summary: numbers of parameters and recordings, r², and sentences on problems of the fit.
+    """Return a summary as one text: numbers of parameters and recordings, r², and sentences on problems.
 
     Args:
         fit: the fit.
@@ -103,8 +106,9 @@ def prediction_picture(name: str, caption: str, found: xr.Dataset, channel: str,
 
     Args:
         name, caption: name and caption of the picture.
-        found: a recording of `Verification.predictions`.
-        channel: name of the channel in words; unit: unit of its values.
+        found: a recording of `Verification.predictions`, with "time", "measured" and "predicted".
+        channel: name of the channel in words, such as "end-effector position".
+        unit: SI unit of the channel's values.
     """
     columns = (found[key].values for key in ("time", "measured", "predicted"))
     what = channel.rpartition(" ")[2].capitalize()
@@ -113,7 +117,10 @@ def prediction_picture(name: str, caption: str, found: xr.Dataset, channel: str,
 
 
 def doubts(fit: Fit) -> tuple[str, ...]:
-    """Return sentences on reasons not to trust the fit, and on automatic decisions."""
+    """Return sentences on reasons not to trust the fit, and on decisions that the fit made automatically.
+
+    They are without capital letter and full stop.
+    """
     return (*(one.sentence for one in fit.lack if one.seen), *fit.doubts, *fit.remarks)
 
 
@@ -122,7 +129,11 @@ def _sentence(text: str) -> str:
 
 
 def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
-    """Return all numbers of a fit for results.json; `unit` is that of the measured channel."""
+    """Return all numbers and statements of a fit for results.json, nested, by name.
+
+    `unit` is the SI unit of the measured channel, `level` the probability of the parameters' intervals. Among
+    the keys are parameters, correlation, recordings, r_squared, rmse, lack_of_fit and failures.
+    """
     units = {p.name: p.unit for p in fit.shown}
     return {
         "parameters": estimates(fit, level),
@@ -170,7 +181,12 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
 
 
 def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
-    """Return the advice of a fit on a missing term of the model, for results.json; None without advice."""
+    """Return the advice of a fit on a missing term of the model, for results.json; None without advice.
+
+    The keys are cause (the missing term), explains (True if no lack of fit remains with the term), equal
+    (equally good terms), tried, file and python (how to add the term in a job file and in Python), and
+    sentence.
+    """
     if advice is None:
         return None
     return {
@@ -185,7 +201,11 @@ def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
 
 
 def disturbance_numbers(one: Disturbance) -> dict[str, Any]:
-    """Return a fault of the instruments that the residuals show, such as a jump, for results.json."""
+    """Return a fault of the instruments that the residuals show, such as a jump, for results.json.
+
+    The keys are kind, recording, when and lasts [s], size (in the channel's unit), frequency [Hz] and
+    sentence.
+    """
     return {
         "kind": one.kind,
         "recording": one.name,
@@ -200,6 +220,7 @@ def disturbance_numbers(one: Disturbance) -> dict[str, Any]:
 def lack_numbers(lacks: Sequence[Lack]) -> dict[str, Any]:
     """Return the lack-of-fit test of each recording, by its name, for results.json.
 
-    "seen" is True if the residuals show that the model is wrong; "residual_over_noise" is their ratio of rms.
+    "seen" is True if the residuals show that the model is wrong; "residual_over_noise" is the rms residual
+    over the rms noise.
     """
     return {one.name: {"seen": one.seen, "residual_over_noise": Number(one.ratio, "")} for one in lacks}

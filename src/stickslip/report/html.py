@@ -27,7 +27,8 @@ def report_html(document: Document, made: Circumstances, *, beside: bool = True)
     Args:
         document: content of the report.
         made: date, machine and versions.
-        beside: refer to results.json in the same folder; False for a notebook, which has no such file.
+        beside: True: the page refers to results.json in the same folder; False for a notebook, which has no
+            such file.
     """
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent, encoding="utf-8"),
@@ -49,9 +50,9 @@ def report_html(document: Document, made: Circumstances, *, beside: bool = True)
 
 
 def _joined(value: Any) -> Any:
-    """Return a text with no-break spaces before per cent signs, so that no line starts with one.
+    """Return a text with a no-break space between a number and "%", so that no line starts with the sign.
 
-    Other values are returned unchanged.
+    Values that are no texts are returned unchanged.
     """
     return type(value)(re.sub(r"(?<=\d) %", "\u00a0%", value)) if isinstance(value, str) else value
 
@@ -59,7 +60,8 @@ def _joined(value: Any) -> Any:
 def significant(value: float, digits: int = 4) -> str:
     """Return a number with `digits` significant digits, and all digits before the point: "0.9979", "12345".
 
-    Very large and small numbers are written with a power of ten, NaN as a dash, infinity as ∞.
+    Numbers below 1e-4 and from 1e7 on are written with a power of ten, integers with all digits, NaN as a
+    dash, infinity as ∞.
     """
     if not math.isfinite(value):
         return _EMPTY if math.isnan(value) else f"{'−' if value < 0 else ''}∞"
@@ -74,7 +76,10 @@ def significant(value: float, digits: int = 4) -> str:
 
 
 def _digits(value: float, own: Scale, digits: int) -> str:
-    """Return a number as text like `significant`, but a number close to 1, such as r², not rounded to 1."""
+    """Return a number as text like `significant`; a number from 0.9 to 1, such as r², is not rounded to 1.
+
+    The exception is for plain numbers alone, if the scale `own` has no unit.
+    """
     return near_one(value, digits) if not own.unit and 0.9 < value < 1.0 else significant(value, digits)
 
 
@@ -84,7 +89,7 @@ def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> 
     Args:
         number: the number, SI.
         scale: scale of its table column, whose head shows the unit; None: chosen here, with the unit.
-        digits: significant digits, if the number has no interval.
+        digits: significant digits of the value; an interval may require more.
     """
     own = scale or scale_for(number.unit, number.value)
     value = _shown(number.value, own)
@@ -94,7 +99,9 @@ def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> 
     if number.low is None or number.high is None:
         text = _digits(value, own, digits)
         if scale is None and "." in text and "×" not in text:
-            text = text.rstrip("0").rstrip(".")  # 0.1 kg is given, not measured to four digits
+            # A value without an interval, such as a mass of 0.1 kg, is given, so zeros would claim a
+            # precision.
+            text = text.rstrip("0").rstrip(".")
         return Markup(text + unit)
     three = (value, _shown(number.low, own), _shown(number.high, own))
     near = not own.unit and 0.9 < value < 1.0
@@ -105,8 +112,9 @@ def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> 
 def _to_same_decimals(value: float, low: float, high: float, digits: int) -> tuple[str, ...]:
     """Return a value and the ends of its interval as texts with the same number of decimals.
 
-    The interval's width then has at least two digits, and the value `digits`. If the interval is wider than
-    the value, or very narrow, the ends have two significant digits each.
+    The decimals are enough for two digits of the interval's width and for `digits` of the value. If the
+    interval is wider than the value's magnitude, or narrower than 1e-9 of it, or the value is very large or
+    small, the value has `digits` significant digits and the ends have two each.
     """
     width = high - low
     if not (1e-4 < abs(value) < 1e7 and 1e-9 * abs(value) < width < abs(value)):
@@ -121,7 +129,7 @@ def _shown(value: float, scale: Scale) -> float:
 
 
 def _scales(table: Table) -> list[Scale | None]:
-    """Return the scale of each column; None for columns without a unit."""
+    """Return the scale of each column of a table; None for columns whose unit is None."""
     return [
         None if column.unit is None else scale_for(column.unit, [_value(row[i]) for row in table.rows])
         for i, column in enumerate(table.columns)
@@ -135,7 +143,11 @@ def _value(cell: Cell) -> float:
 
 
 def table_heads(table: Table) -> list[dict[str, Any]]:
-    """Return name, shown unit ("" for text) and whether it contains numbers, for each column."""
+    """Return the head of each column of a table, as mappings for the template.
+
+    The keys are "name", "unit" (the shown unit, "" for text, a dash for plain numbers) and "numeric" (True
+    for a column of numbers).
+    """
     return [
         {"name": column.name, "unit": _unit(column, scale), "numeric": _numeric(table, i)}
         for i, (column, scale) in enumerate(zip(table.columns, _scales(table), strict=True))
@@ -154,7 +166,7 @@ def _numeric(table: Table, i: int) -> bool:
 
 
 def table_body(table: Table) -> list[list[tuple[Markup, bool]]]:
-    """Return the text of each cell, row by row, with True for a cell of a column of numbers."""
+    """Return the cells of a table row by row: HTML text, and True if the column contains numbers."""
     scales = _scales(table)
     return [
         [
@@ -177,7 +189,10 @@ def _cell(cell: Cell, scale: Scale | None, digits: int) -> Markup:
 
 
 def drawing(picture: Picture) -> Markup:
-    """Return the SVG with its text alternative, and with identifiers that are unique on the page."""
+    """Return the SVG of a picture for the page, with its text alternative (`alt`) for screen readers.
+
+    The picture's name is put before each identifier in the SVG, so that identifiers are unique on the page.
+    """
     svg = re.sub(r'(\sid="|href="#|url\(#)', rf"\g<1>{picture.name}-", picture.svg.lstrip())
     label = html.escape(picture.alt, quote=True)
     return Markup(svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1))

@@ -12,12 +12,12 @@ from ..quantities.records import quantities
 if TYPE_CHECKING:
     import xarray as xr
 
-# Fields of an actuator that limit the allowed voltage, and have no effect on a simulated motion.
+# Fields of an actuator that limit the allowed voltage; they have no effect on a simulated motion.
 _LIMITS = ("min_voltage", "max_voltage")
 
 
 class Origin(NamedTuple):
-    """Assumptions on values of a model that were not fitted, a sentence each, and BibTeX of its sources."""
+    """Assumptions on values of a model that were not fitted ("field = words"), and BibTeX of the sources."""
 
     assumptions: list[str]
     citations: str
@@ -31,9 +31,9 @@ def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collect
     that was taken from it is listed as an assumption.
 
     Args:
-        model: its `name` is the parameter set.
+        model: actuator whose `name` is the name of its parameter set.
         recordings: all recordings that were fitted or predicted.
-        fitted: names of fitted values, "gain" or "friction.sigma_0"; for friction also "sigma_0".
+        fitted: names of fitted values, such as "gain" or "friction.sigma_0"; for friction also "sigma_0".
     """
     inner = quantities(type(model.friction))
     found = {f"friction.{name}" if name in inner else name for name in fitted} | set(fitted)
@@ -57,8 +57,12 @@ def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collect
 
 
 def _of_any(model: Actuator, field: str) -> bool:
-    """Return True if a value needs no source: no simulated motion depends on it, or it holds for any real
-    actuator, such as the reaction of the friction."""
+    """Return True if the value of a field needs no source in a report.
+
+    No simulated motion depends on the voltage limits, on a Stribeck velocity with equal static and Coulomb
+    friction, or on a stage mass without reaction of the friction on the stage. This reaction itself occurs in
+    any real actuator.
+    """
     law = model.friction
     if field == "friction.stribeck_velocity":
         return getattr(law, "stiction_force", None) == getattr(law, "coulomb_force", None)
@@ -66,10 +70,10 @@ def _of_any(model: Actuator, field: str) -> bool:
 
 
 def _scaled(model: Actuator, field: str) -> str:
-    """Return the end of a sentence on a wrong end-effector mass; "" for other fields.
+    """Return the end of a sentence on the effect of an assumed end-effector mass; "" for other fields.
 
-    If the friction does not act back on the stage, a motion depends only on the ratios of friction force and
-    stiffness to the mass, so the fitted friction is proportional to the assumed mass.
+    If the friction does not act back on the stage (`stage_reaction` is False), a motion depends only on the
+    ratios of friction force and stiffness to the mass. So the fitted friction is proportional to the mass.
     """
     if field != "end_effector_mass" or model.stage_reaction:
         return ""

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..recording.replacing import replaced_whole
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome", "chrome", "msedge")
-_SECONDS = 120.0  # s after which the browser is ended
+_SECONDS = 120.0  # time after which a browser that has not finished is killed, s
 
 
 class PdfError(ValueError):
@@ -19,7 +19,7 @@ class PdfError(ValueError):
 
 
 def find_browser() -> str:
-    """Return the path of a browser that can print to PDF.
+    """Return the path of the first installed Chromium browser of `_BROWSERS`, which can print to PDF.
 
     Raises:
         PdfError: no browser is installed.
@@ -35,14 +35,16 @@ def find_browser() -> str:
 
 
 def write_pdf(page: Path, browser: str = "") -> Path:
-    """Print an HTML file to a PDF beside it with the same name, which is replaced as a whole or not at all.
+    """Print an HTML file to a PDF in the same folder, and return its path.
+
+    The PDF has the page's name with the ending ".pdf". An existing PDF is replaced as a whole or not at all.
 
     Args:
         page: the HTML file.
         browser: path of a Chromium browser; by default one that is found.
 
     Raises:
-        PdfError: there is no browser, or it fails.
+        PdfError: there is no browser, it fails, or it takes more than `_SECONDS`.
     """
     browser, target = browser or find_browser(), page.with_suffix(".pdf")
     # As root, such as in a container, Chromium does not start with its sandbox. The page needs none: it was

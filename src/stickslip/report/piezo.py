@@ -19,14 +19,16 @@ from .fits import fit_numbers
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of samples after a jump of the drive that the drawn loops leave out.
+# Number of samples after a jump of the drive that are left out of the drawn hysteresis loops.
 AFTER = 10
 
 
 def hysteresis_numbers(fit: Fit, straight: Fit) -> dict[str, Any]:
     """Return the numbers of a fit of hysteresis and creep, for results.json.
 
-    `straight` is the fit of a linear piezo to the same recordings, for comparison of the residuals.
+    They are the numbers of `fit_numbers`, "piezo" (the fitted parameters of hysteresis and creep) and
+    "straight_line": errors of `straight`, the fit of a linear piezo to the same recordings, and "over_fit",
+    its rms error over the rms error of `fit`.
     """
     unit = fit.recordings[0].unit
     piezo = getattr(fit.model, "piezo", fit.model)
@@ -42,9 +44,9 @@ def hysteresis_numbers(fit: Fit, straight: Fit) -> dict[str, Any]:
 
 
 def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -> list[Picture]:
-    """Return two figures of the first recording, measured and fitted: its loops, and its stroke over time.
+    """Return two pictures of the first recording, measured and fitted: stroke over voltage and over time.
 
-    `name` is the start of the figures' names.
+    `name` is the start of the pictures' names, which end in "-loops" and "-time".
     """
     one, unit = recordings[0], fit.recordings[0].unit
     assert fit.predict is not None
@@ -53,7 +55,7 @@ def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -
     drive = one["drive_voltage"].values
     # Samples just after a jump are left out: a sensor's delay would look like a hysteresis loop.
     still = np.convolve(edges(drive), np.ones(AFTER))[: drive.size] == 0
-    still[:AFTER] = False  # the recording may start with an edge
+    still[:AFTER] = False  # the drive may have jumped just before the recording
     voltage = drive[still]
     return [
         Picture(

@@ -21,8 +21,8 @@ from .figures.style import svg
 if TYPE_CHECKING:
     import xarray as xr
 
-_MOST_LINES = 7  # largest number of lines in a figure
-_BEFORE, _AFTER = 3e-3, 7e-3  # s before and after the trigger that the detail shows
+_MOST_LINES = 7  # largest number of recordings that are drawn together, a line for each
+_BEFORE, _AFTER = 3e-3, 7e-3  # times before and after the trigger that the figure of the detail shows, s
 
 
 def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> Document:
@@ -30,8 +30,8 @@ def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> 
 
     Args:
         title: title of the experiment.
-        recorded: result of `run_experiment`.
-        log: path of its log file.
+        recorded: result of `run_experiment`; its recordings are read from their files.
+        log: path of the experiment's log file, whose text is shown.
     """
     data = {one.cell.name: open_recording(one.path) for one in recorded}
     sections, numbers = [], {}
@@ -60,7 +60,10 @@ def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> 
 
 
 def recorded_assumptions(recorded: Sequence[Recorded]) -> list[str]:
-    """Return the assumptions about actuator and bench of an experiment, as texts "field = words"."""
+    """Return the assumptions about actuator and bench of an experiment, as texts "field = words".
+
+    They are those of the first recording's actuator and of its bench, if it names one.
+    """
     found = [f"{field} = {words}" for field, words in recorded[0].cell.actuator.assumptions.items()]
     bench = recorded[0].cell.bench
     if bench:

@@ -105,8 +105,12 @@ class Results:
 def results_json(document: Document, made: Circumstances) -> str:
     """Return the text of results.json.
 
+    Args:
+        document: the report, which contains the numbers.
+        made: date, command, machine and versions.
+
     Raises:
-        DocumentError: a number without a unit; the message names its path.
+        DocumentError: a number has no unit, or a value cannot be written to JSON; the message names it.
     """
     results = Results(
         kind=KIND,
@@ -130,11 +134,11 @@ def results_json(document: Document, made: Circumstances) -> str:
 def _given(record: Any) -> dict[str, Any]:
     """Return the fields of a record that results.json contains: all but optional ones that are None.
 
-    The ends of an interval are always contained: an infinite end is null.
+    The ends of an interval are always contained, because null is an infinite end.
     """
     optional = {name for name, one in record.__dataclass_fields__.items() if one.default is None}
     if getattr(record, "level", None) is not None:
-        optional -= {"low", "high"}  # an end that is infinite is null
+        optional -= {"low", "high"}  # an interval exists, and None is its infinite end
     return {name: one for name, one in vars(record).items() if not (name in optional and one is None)}
 
 
@@ -158,7 +162,11 @@ def _number(number: Number) -> Quantity:
 
 
 def _quantity(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a mapping with value and unit for JSON; NaN and infinity become null, with a "reason"."""
+    """Return a mapping with "value", "unit" and others in JSON's types; NaN and infinity become null.
+
+    A null "value" gets a "reason": the note, if there is one, or that the value is infinite or does not
+    exist.
+    """
     strict = {key: _strict(value) for key, value in found.items()}
     if strict["value"] is None and "reason" not in strict:
         strict["reason"] = strict.get("note") or _missing(found["value"])
@@ -172,7 +180,10 @@ def _missing(value: Any) -> str:
 
 
 def _strict(value: Any) -> Any:
-    """Return a value in JSON's own types; null for NaN and infinity."""
+    """Return a value, array, mapping or sequence in JSON's own types, with None for NaN and infinity.
+
+    Raises DocumentError for a value of another type.
+    """
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if value is None or isinstance(value, str):
@@ -191,9 +202,10 @@ def _strict(value: Any) -> Any:
 
 
 def _numbers(node: Any, path: str) -> Any:
-    """Return nested numbers for JSON; texts and booleans may occur among them.
+    """Return nested numbers for JSON: `Number`, mappings with "value" and "unit", and mappings of these.
 
-    `path` is the place in the document, for the message. Raises DocumentError for a number without a unit.
+    Texts, lists of texts, booleans and None may occur among them. `path` is the place in the document, for
+    the message. Raises DocumentError for a number without a unit.
     """
     if isinstance(node, Number):
         return _number(node)

@@ -11,8 +11,10 @@ from .html import number_text, table_body, table_heads
 
 
 def document_text(document: Document) -> str:
-    """Return title, summary, highlights and the sections with their tables; pictures are shown as their
-    captions."""
+    """Return a document as plain text: title, summary, failures, highlights, sections and assumptions.
+
+    Tables have aligned columns; pictures are replaced by their captions.
+    """
     lines = [document.title, "=" * len(document.title), document.summary, ""]
     lines += [f"NOT AS REQUIRED: {failure}" for failure in document.failures]
     lines += [f"{what}: {shown_number(number)}" for what, number in document.highlights]
@@ -24,7 +26,10 @@ def document_text(document: Document) -> str:
 
 
 def shown_number(number: Number) -> str:
-    """Return a number with unit, interval and confidence level; for a missing number, the reason."""
+    """Return a number as plain text with unit, interval and confidence level; for NaN, its note.
+
+    If known, the interval that includes systematic errors is added.
+    """
     text = _plain(number_text(number))
     if number.low is None or number.high is None:
         return text

@@ -14,8 +14,8 @@ def thresholds_table(policy: Any, caption: str, unit: str = "m") -> Table:
 
     Args:
         policy: record of the thresholds.
-        caption: consequence of exceeding them, in words.
-        unit: unit of positions, m or rad.
+        caption: caption of the table.
+        unit: unit of positions, m or rad, from which the units of the thresholds follow.
     """
     rows = []
     for name, quantity in quantities(type(policy)).items():
@@ -25,11 +25,11 @@ def thresholds_table(policy: Any, caption: str, unit: str = "m") -> Table:
 
 
 def threshold_numbers(policy: Any) -> dict[str, Number]:
-    """Return the thresholds of a record such as `Judgement` by name, for results.json."""
+    """Return the thresholds of a record such as `Judgement` by name, with their units, for results.json."""
     return {name: Number(getattr(policy, name), q.unit) for name, q in quantities(type(policy)).items()}
 
 
 def judgement_section(judgement: Any) -> Section:
-    """Return a section with the thresholds by which a fit was judged."""
+    """Return a section with a table of the thresholds (`Judgement`) by which a fit was judged."""
     said = "Thresholds of the statements on the fit. fit.judged(...) judges it by others."
     return Section("How the fit was judged", tables=(thresholds_table(judgement, said),))

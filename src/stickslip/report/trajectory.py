@@ -29,12 +29,13 @@ def trajectory_document(
     trajectory: xr.Dataset,
     steady_step: Number | None = None,
 ) -> Document:
-    """Return the report of a simulation: motion, parameters, assumptions.
+    """Return the report of a simulation: figure of the motion, results, parameters and their origin.
 
     Args:
         model, waveform: simulated model and drive.
         trajectory: result of `simulate`.
-        steady_step: net displacement per period of the periodic motion, m or rad; None if not computed.
+        steady_step: net displacement per period of the periodic motion, a `Number` in m or rad; None if not
+            computed.
     """
     name = model.name or type(model).__name__
     numbers = _results(trajectory)
@@ -100,7 +101,7 @@ def _results(trajectory: xr.Dataset) -> dict[str, Number]:
         found["greatest_sliding_displacement"] = Number(_greatest(trajectory, "sliding_displacement"), unit)
     if "spring_force" in trajectory:
         found["greatest_spring_force"] = Number(_greatest(trajectory, "spring_force"), "N")
-    if "temperature" in trajectory:  # of a stack that the drive charges
+    if "temperature" in trajectory:  # the simulation included current and heating of the piezo stack
         found["greatest_current"] = Number(_greatest(trajectory, "current"), "A")
         warmer = trajectory["temperature"].values
         found["temperature_rise"] = Number(float(warmer[-1] - warmer[0]), "K")
@@ -122,13 +123,19 @@ def _title(key: str) -> str:
 
 
 def _entries(record: Any, prefix: str = "", owner: Any = None) -> Iterator[tuple[str, str, str, Any]]:
-    """Yield name, symbol, meaning and value (a `Number` if it has a unit) of all fields of a record.
+    """Yield name, symbol, meaning and value of all fields of a record.
 
-    The fields of a friction law follow with the prefix "friction.". `prefix` is put before each name; `owner`
-    is the actuator of a law, which decides between linear and rotary units.
+    The value is a `Number`, "yes" or "no", or the name of a law. The fields of a friction law follow the
+    law's name, with "friction." before theirs; elements of a tuple have an index "[i]". Other fields, such as
+    texts, are left out.
+
+    Args:
+        record: model, friction law or waveform.
+        prefix: text before each name.
+        owner: actuator of a law, which decides between linear and rotary units; None for other records.
     """
     known = quantities_of(record, owner)
-    of_drive = getattr(record, "unit", "V")  # the drive of a pulled slider is in m instead of V
+    of_drive = getattr(record, "unit", "V")  # unit of a waveform: V, or m for the drive of a pulled slider
     for name, value in record._asdict().items():
         if is_law(value):
             yield f"{prefix}{name}", "", "friction law", type(value).__name__
@@ -145,9 +152,10 @@ def _entries(record: Any, prefix: str = "", owner: Any = None) -> Iterator[tuple
 
 
 def _origins(model: Actuator | PulledSlider) -> dict[str, str]:
-    """Return the source of each field's value, in words, by field.
+    """Return the source of each field's value, in words, by field, such as "assumed" or a citation.
 
-    Empty for a model that does not come from a parameter set.
+    Values that differ from the parameter set are "changed for this simulation". The mapping is empty for a
+    model that does not come from a parameter set.
     """
     if not model.name:
         return {}

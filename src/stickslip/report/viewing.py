@@ -35,13 +35,16 @@ def view(result: Any, title: str = "") -> Document:
 
 @cache
 def _register_views() -> None:
-    """Import each module of `views`, which registers the types that it shows."""
+    """Import all modules of `views`, so that each registers the types that it shows with `document_of`."""
     for module in iter_modules(views.__path__):
         import_module(f"{views.__name__}.{module.name}")
 
 
 @singledispatch
 def document_of(result: Any) -> Document:
-    """Return the document of a result by its type; ``document_of.register`` adds a user's type."""
+    """Return the document of a result by its type; ``document_of.register`` adds a user's type.
+
+    Raises QuantityError for a type without a view.
+    """
     known = sorted(kind.__name__ for kind in document_of.registry if kind is not object)
     raise QuantityError(f"there is no view of {type(result).__name__}: there are views of {', '.join(known)}")

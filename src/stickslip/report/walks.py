@@ -25,7 +25,10 @@ _ROLE = {"fit": "fitted", "verify": "predicted"}
 
 
 class UsedWalk(NamedTuple):
-    """A recording of a walk, fitted or predicted, and its drive (None: as recorded)."""
+    """A recording of a walk, and its use: "fit" if it was fitted, "verify" if it is only predicted.
+
+    `drive` replaces the recorded drive voltage in the prediction; None: the recorded drive is taken.
+    """
 
     use: Literal["fit", "verify"]
     recording: xr.Dataset
@@ -46,9 +49,9 @@ def walk_document(
         title: title of the report.
         fit: the fit.
         model: initial model of the fit, whose assumptions and citations are listed.
-        walks: all recordings by name, fitted or only predicted.
+        walks: all recordings by name, fitted or only predicted; each is predicted again.
         notes: a paragraph for the section of the parameters; "" for none.
-        progress: called with the current activity and the finished fraction, from 0 to 1.
+        progress: called with the current activity in words and the finished fraction, from 0 to 1.
     """
     rows, pictures, numbers = [], [], {}
     unit = fit.recordings[0].unit

@@ -24,15 +24,15 @@ def write_report(
     """Write ``report.html``, ``results.json``, ``figures/NAME.svg`` and the document's own files into a
     folder, made if missing.
 
-    The numbers are written before any figure is drawn, so that they are kept if that fails. The other files
-    take their names only when all of them are complete on disk: a full disk leaves the previous report. Other
-    files in the folder are not touched.
+    results.json is written first, so that the numbers are kept if the rest fails. The other files take their
+    names only when all of them are complete on disk: a full disk leaves the previous report. Other files in
+    the folder are not touched.
 
     Args:
         document: the document to write.
         folder: target folder.
-        command: the user's command line, for the record.
-        elapsed: duration of the work, s.
+        command: the user's command line, which the report states; "" for none.
+        elapsed: duration of the work, s; None: not measured.
 
     Returns:
         The path of report.html.
@@ -67,7 +67,10 @@ def _file_of(svg: str) -> str:
 
 
 def _written_beside(target: Path, text: str) -> Path:
-    """Write a complete temporary file beside the target, and return its path."""
+    """Write a complete temporary file in the folder of the target, and return its path.
+
+    The text is on the disk (fsync) at the end. If an error occurs, the temporary file is deleted.
+    """
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = part_of(target)
     try:

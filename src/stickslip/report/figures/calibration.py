@@ -21,8 +21,9 @@ def calibration_curve(calibration: Calibration, x: ArrayLike, y: ArrayLike) -> F
     """Draw the calibration's polynomial with the readings; below, errors of the readings and prediction band.
 
     Args:
-        calibration: calibration fitted to the table; without degrees of freedom it has no band.
-        x, y: the table, SI: readings [n] or [n, r], true values [n].
+        calibration: calibration fitted to the table; the band is left out if the fit has no degrees of
+            freedom.
+        x, y: the table, SI: readings [n], or [n, r] with r readings of each point, and true values [n].
     """
     readings, truth = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     readings = readings.reshape(truth.size, -1)

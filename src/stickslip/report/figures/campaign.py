@@ -35,7 +35,8 @@ class Trace(NamedTuple):
     """A position over time, measured and by the model, arrays of shape (n,) in s and m, or rad.
 
     `parameters` is the half-width of the 95 % interval of the model's position due to the parameters' errors.
-    `band` is the half-width of the 95 % interval of a new sample. 0: not drawn.
+    `band` is the half-width of the 95 % interval of a new sample. Both are in m, or rad for a rotary
+    actuator, an array or one number; 0 draws no interval.
     """
 
     time: ArrayLike
@@ -47,8 +48,12 @@ class Trace(NamedTuple):
 
 @drawn
 def step_responses(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
-    """Draw step responses of the clamped end-effector over the time since the step, and the residuals
-    below."""
+    """Draw step responses of the clamped end-effector over the time since the step; below, the residuals.
+
+    Args:
+        traces: measured and model response of each step, by label.
+        unit: SI unit of the positions, m or rad.
+    """
     figure, (above, below) = panels((2.6, 1.2))
     times = [np.asarray(t.time, dtype=float) for t in traces.values()]
     clock = scale_for("s", *times)
@@ -74,10 +79,11 @@ def step_responses(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
 def _between(
     axes: Axes, x: NDArray[np.float64], half: NDArray[np.float64], label: str, edge: float = 0.0
 ) -> None:
-    """Draw a band of plus and minus `half` over `x`, for the model's uncertainty, behind the residuals.
+    """Draw a band from -`half` to +`half` over `x`, the model's uncertainty, behind the residuals.
 
-    Nothing is drawn if `half` is 0. `edge` is the width of lines at its edges in points, 0 for none; they lie
-    in front of the residuals.
+    Nothing is drawn if `half` is 0. `x` and `half` are in the units that the axes show, `label` is for the
+    legend ("" for none). `edge` is the width of lines along the band's edges in points, 0 for no lines; they
+    are drawn in front of the residuals.
     """
     if np.any(half > 0.0):
         width = np.broadcast_to(half, x.shape)
@@ -89,8 +95,12 @@ def _between(
 
 @drawn
 def walks(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
-    """Draw walks side by side, measured and by the model, and below the residuals within the prediction
-    bands."""
+    """Draw walks side by side, measured and by the model; below, the residuals with their prediction bands.
+
+    Args:
+        traces: measured and model position of each walk, by title.
+        unit: SI unit of the positions, m or rad.
+    """
     count = len(traces)
     figure = Figure(figsize=(WIDTH, 3.6))
     grid = figure.subplots(2, count, sharex="col", sharey="row", squeeze=False, height_ratios=(2.2, 1.0))
@@ -111,7 +121,8 @@ def walks(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
                 trace(below, clock(time), side * band, color=MEASURED, lw=0.6).set_rasterized(True)
         _between(below, clock(time), small(np.asarray(t.parameters, dtype=float)), _LEFT, edge=0.9)
         noise = trace(below, clock(time), small(model - measured), color=BLUE, lw=0.5, alpha=0.55)
-        noise.set_rasterized(True)  # as pixels: as vectors the curves would be most of a report's bytes
+        # The curves are drawn as pixels, because as vectors they would be most of a report's bytes.
+        noise.set_rasterized(True)
         above.set_title(name)
         below.set_xlabel(clock.label("time"))
         below.locator_params(axis="x", nbins=4)

@@ -14,7 +14,7 @@ from .style import BLUE, MEASURED, WIDTH, drawn, legend_above, shown
 if TYPE_CHECKING:
     import xarray as xr
 
-# Largest number of conditions whose names are drawn.
+# Largest number of conditions for which a figure has their names; with more, rows have no names.
 MOST_NAMED = 12
 
 
@@ -22,15 +22,18 @@ MOST_NAMED = 12
 def draw_conditions(
     names: Sequence[str], values: Mapping[str, NDArray[Any]], label: str, unit: str, sign: float = 1.0
 ) -> NDArray[Any]:
-    """Draw a goal in each condition, one row each; the worst condition of the first series is on top.
+    """Draw the values of a goal in each condition, a row for each; the worst of the first series is on top.
 
     More than `MOST_NAMED` conditions are drawn without names.
 
     Args:
         names: names of the conditions.
-        values: two series [conditions], by name.
-        label, unit: label and unit of the values.
-        sign: +1 if larger is better.
+        values: the goal for two drives or actuators, arrays [conditions] in SI, by their names.
+        label, unit: label of the axis, and SI unit of the values.
+        sign: +1 if larger values are better, -1 if smaller ones are.
+
+    Returns:
+        The axes, shape (1,).
     """
     first = next(iter(values.values()))
     order: list[int] = np.argsort(-sign * first).tolist()
@@ -59,7 +62,10 @@ def draw_front(table: xr.Dataset) -> NDArray[Any]:
     """Draw a Pareto front: the second goal over the first, one point for each drive.
 
     Args:
-        table: `table` of a `design.Front`.
+        table: `table` of a `design.Front`: both goals over "point".
+
+    Returns:
+        The axes, shape (1,).
     """
     first, second = (table[name] for name in table if name != "frequency")
     scales = [scale_for(str(one.attrs["units"]), one.values) for one in (first, second)]

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from .scale import scale_for
 from .style import BLUE, GREEN, MEASURED, VERMILLION, WIDTH, drawn
 
-BINS = 60  # number of bars of a histogram
-# Share of the samples of a distribution that is left out at each end of the axis.
+BINS = 60  # number of edges of a histogram's bars
+# Fraction of a distribution's samples beyond each end of the axis; they are not drawn.
 TAIL = 0.002
 COLOURS = (BLUE, GREEN)
 
@@ -26,12 +26,14 @@ def prior_and_posteriors(
 ) -> Figure:
     """Draw histograms of prior and posterior, in a row for each case and a column for each parameter.
 
+    The axes of the parameters are logarithmic.
+
     Args:
         prior: samples of each parameter by name, SI; drawn as a grey shade in each panel.
         cases: by title of the case, up to two posteriors by their names ("without", "with"), each with
-            samples of each parameter.
-        truths: by title, the true value of each parameter, drawn as a dashed line.
-        units: SI unit of each parameter.
+            samples of each parameter by name, SI.
+        truths: by title of the case, the true value of each parameter by name, drawn as a dashed line.
+        units: SI unit of each parameter by name.
     """
     names = list(prior)
     figure = Figure(figsize=(WIDTH, 1.0 + 1.6 * len(cases)))

@@ -23,8 +23,8 @@ def closed_loop(recording: xr.Dataset, phases: Sequence[tuple[str, float]] = ())
     """Draw position with its target, and voltage, over time.
 
     Args:
-        recording: result of `rig.regulate`.
-        phases: (name, start in s), drawn as lines.
+        recording: result of `rig.regulate`: measured and target position, and drive voltage.
+        phases: (name, start in s) of the phases of the experiment, drawn as vertical lines at the starts.
     """
     part = recording.isel(time=slice(None, None, max(1, recording.sizes["time"] // _MOST_POINTS)))
     figure, (above, below) = panels([2.6, 2.0])
@@ -50,6 +50,8 @@ def closed_loop(recording: xr.Dataset, phases: Sequence[tuple[str, float]] = ())
 def approach(recording: xr.Dataset, target: float, begin: float, windows: Sequence[float]) -> Figure:
     """Draw the remaining distance to the target over time, on a logarithmic scale, with tolerance windows.
 
+    Distances below 1e-11 m (or rad) are drawn as 1e-11, because the scale has no zero.
+
     Args:
         recording: result of `rig.regulate`.
         target: target position, m or rad.
@@ -72,7 +74,10 @@ def approach(recording: xr.Dataset, target: float, begin: float, windows: Sequen
 
 @drawn
 def step_sizes(law: StepLaw) -> Figure:
-    """Draw the step sizes of a motor over the drive's amplitude in both directions, with 95 % intervals."""
+    """Draw the step sizes of a motor [m] over the drive's amplitude [V], forward and backward.
+
+    `law` is a result of `fit_steps`; its standard errors give the 95 % intervals.
+    """
     figure, (axes,) = panels([3.0])
     metres = scale_for("m", np.array([*law.forward, *law.backward]))
     for name, sizes, errors, color in (

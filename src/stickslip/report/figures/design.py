@@ -19,14 +19,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import QuadMesh
 
-CONTOURS = 6  # approximate number of contours of an image
-MOST_PANELS = 12  # largest number of panels of a figure
-# Fraction of the greatest magnitude up to which values count as zero. The line of zero step is not drawn
-# between such values.
+CONTOURS = 6  # approximate number of contour lines of an image
+MOST_PANELS = 12  # largest number of panels of a map's figure; a map that needs more is not drawn
+# Fraction of an image's greatest magnitude up to which values count as zero. The contour line of a zero step
+# is not drawn where all neighbouring values are that small.
 BESIDE_ZERO = 0.02
-# Smallest ratio of the extreme values of both signs at which the colours are symmetric about zero.
+# Smallest ratio of the lesser to the greater extreme, of opposite signs, at which an image's colours are
+# symmetric about zero.
 SEEN = 0.2
-NO_STEP, HATCH = "#E2E2E2", "#9A9A9A"  # colours of points without a steady step
+NO_STEP, HATCH = "#E2E2E2", "#9A9A9A"  # colours of area and hatching for points without a steady step
 
 
 def is_map(data: Any) -> bool:
@@ -38,20 +39,21 @@ def is_map(data: Any) -> bool:
 def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> NDArray[Any]:
     """Draw a variable of a map: over one dimension lines with 95 % bands, over two an image with contours.
 
-    Images have a panel for each combination of values of the further dimensions.
-
-    Points without a steady step are hatched, and left out of lines.
+    Images have a panel for each combination of values of the further dimensions. A second dimension of fewer
+    than three values is drawn as lines. Points without a steady step are hatched in images, and left out of
+    lines, with a cross on the axis.
 
     Args:
         data: result of `step_map`.
         quantity: the variable: net_step, speed, backlash, ...
-        axes: as for `plot`.
+        axes: Matplotlib axes to draw on, one per panel; None: those of a new figure.
 
     Returns:
         The axes, shape (panels,).
 
     Raises:
-        QuantityError: no such variable, no dimension, or too many panels or axes.
+        QuantityError: the map has no such variable or no dimension, more than `MOST_PANELS` panels or too
+            many lines, or the number of axes is wrong.
     """
     if quantity not in data or not data[quantity].dims:
         raise QuantityError(
@@ -59,7 +61,7 @@ def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> 
         )
     dims = sorted(map(str, data[quantity].dims), key=lambda d: (-min(data.sizes[d], 3), d == "direction"))
     plane, others = dims[:2], dims[2:]
-    if len(plane) == 2 and data.sizes[plane[1]] < 3:  # with few values, lines
+    if len(plane) == 2 and data.sizes[plane[1]] < 3:  # an image needs three values along each dimension
         plane, others = dims[:1], dims[1:]
     plane = [d for d in map(str, data[quantity].dims) if d in plane]
     value = scale_for(str(data[quantity].attrs.get("units", "")), data[quantity].values)
@@ -95,7 +97,7 @@ def draw_load_speed(data: xr.Dataset, axes: Any = None) -> NDArray[Any]:
 
     Args:
         data: result of `design.load_speed_curve`.
-        axes: one for each, as for `plot`.
+        axes: two Matplotlib axes to draw on; None: those of a new figure.
 
     Returns:
         The axes, shape (2,).
@@ -110,9 +112,10 @@ def draw_load_speed(data: xr.Dataset, axes: Any = None) -> NDArray[Any]:
 
 
 def _panels(axes: Any, count: int, height: float, one_column: bool = False) -> list[Axes]:
-    """Return the user's axes, or those of a new figure with `count` panels.
+    """Return the user's axes, or those of a new figure with `count` panels, if `axes` is None.
 
-    `height` is that of a panel in inches. More than one panel are in two columns unless `one_column` is set.
+    `height` is the height of a panel in inches. Several panels are in two columns unless `one_column` is set.
+    Raises QuantityError if the user gives another number of axes.
     """
 
     def new() -> list[Axes]:
@@ -128,9 +131,9 @@ def _panels(axes: Any, count: int, height: float, one_column: bool = False) -> l
 
 
 def _limits(values: NDArray[Any]) -> tuple[float, float, str]:
-    """Return lowest and highest value of the colours, and the name of the colour map.
+    """Return the lowest and the highest value of an image's colours, and the name of the colour map.
 
-    They are symmetric about zero if both signs occur with similar magnitudes, see `SEEN`.
+    They are symmetric about zero if both signs occur with similar magnitudes, see `SEEN`; NaN is ignored.
     """
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
@@ -152,7 +155,7 @@ def _picture(
     z = value(data[quantity].transpose(plane[1], plane[0]).values)
     low, high, colours = limits
     picture = panel.pcolormesh(x, y, z, shading="nearest", cmap=colours, vmin=low, vmax=high, rasterized=True)
-    # The background shows points without a value.
+    # Points without a value have no colour, so the background marks them.
     panel.set_facecolor(NO_STEP)
     panel.patch.set_hatch("////")
     panel.patch.set_edgecolor(HATCH)
@@ -165,8 +168,8 @@ def _picture(
         panel.clabel(made, fontsize=7, fmt="%g")
         seen = BESIDE_ZERO * max(-low, high)
         if np.nanmin(z) < -seen and np.nanmax(z) > seen:
-            # Very small steps change their sign many times; the line is drawn only where the change is
-            # visible.
+            # Very small steps change their sign many times from point to point. The contour line of a zero
+            # step is drawn only where the change is visible.
             near = np.ma.masked_where(_largest_beside(z) <= seen, masked)
             zero = panel.contour(x, y, near, [0.0], colors=line, linewidths=1.8)
             panel.clabel(zero, fontsize=7, fmt="%g")
@@ -174,7 +177,10 @@ def _picture(
 
 
 def _largest_beside(z: NDArray[Any]) -> NDArray[Any]:
-    """Return, for each point of a map, the largest magnitude among it and its eight neighbours."""
+    """Return, for each point of an image, the largest magnitude among the point and its eight neighbours.
+
+    NaN counts as 0.
+    """
     padded = np.pad(np.nan_to_num(np.abs(z)), 1)
     return np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).max(axis=(2, 3))
 
@@ -190,7 +196,10 @@ def _axis(panel: Axes, data: xr.Dataset, name: str, way: str) -> NDArray[Any]:
 
 
 def _in_ratios(values: NDArray[Any]) -> bool:
-    """Return True if values are spaced logarithmically: their ratios vary less than their differences."""
+    """Return True if values are spaced logarithmically: their ratios vary less than their differences.
+
+    Return False for fewer than three values, or if one is not positive.
+    """
     if values.size < 3 or not values.min() > 0.0:
         return False
     steps = [np.diff(np.sort(some)) for some in (np.log(values), values)]
@@ -200,7 +209,16 @@ def _in_ratios(values: NDArray[Any]) -> bool:
 def _lines(panel: Axes, data: xr.Dataset, quantity: str, over: str, others: list[str], value: Scale) -> None:
     """Draw a variable over the dimension `over`: a line with its band for each combination of `others`.
 
-    `others` are the further dimensions, `value` is the scale of the variable.
+    Points without a steady step in any line have a cross on the axis. Raises QuantityError if there are more
+    lines than colours.
+
+    Args:
+        panel: axes to draw on.
+        data: result of `step_map`.
+        quantity: name of the variable; NAME_low and NAME_high are the ends of its band, if they exist.
+        over: dimension of the horizontal axis.
+        others: further dimensions.
+        value: scale of the variable.
     """
     x = _axis(panel, data, over, "x")
     stacked = data.stack(line=others) if others else data.expand_dims("line")

@@ -14,18 +14,21 @@ from .style import BLUE, DASHES, GREEN, MEASURED, VERMILLION, WIDTH, drawn, pane
 if TYPE_CHECKING:
     import xarray as xr
 
-_BINS = 400  # number of equal intervals of a long run, for each of which a mean is drawn
+# Number of equal time intervals into which a long run is divided; the mean in each is drawn.
+_BINS = 400
 
 
 @drawn
 def starved(asked: Waveform, runs: dict[str, xr.Dataset], edge: float, zoom: float) -> Figure:
     """Draw an amplifier's voltage and current, compared with the requested drive; right, one slip edge.
 
+    The left column has the whole run, the right column the time around one fast edge of the drive.
+
     Args:
         asked: requested drive, V.
         runs: results of `electronics.electrical` by label; three or fewer.
         edge: time of the edge, s.
-        zoom: duration of the right column, s, of which a tenth is before the edge.
+        zoom: duration shown in the right column, s, of which a tenth is before the edge.
     """
     figure = Figure(figsize=(WIDTH, 4.4))
     grid = figure.subplots(2, 2, sharex="col", sharey="row", width_ratios=(3, 2))
@@ -59,6 +62,8 @@ def starved(asked: Waveform, runs: dict[str, xr.Dataset], edge: float, zoom: flo
 @drawn
 def heat(run: xr.Dataset) -> Figure:
     """Draw rms current, mean loss power and temperature of a piezo stack over a run of many periods.
+
+    Current and power are means over the `_BINS` intervals of the run; time is in min, temperature in °C.
 
     Args:
         run: result of `electronics.electrical`.

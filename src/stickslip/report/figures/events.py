@@ -14,7 +14,7 @@ from .style import BLUE, MEASURED, drawn, trace
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of stick-slip events that a panel shows.
+# Number of stick-slip periods that a panel shows, from the middle of the recording.
 _SHOWN = 6.0
 
 
@@ -25,9 +25,9 @@ def event_prediction(
     """Draw the measured and the simulated force over time, a panel for each condition.
 
     Args:
-        traces: by condition, the measured and the simulated recording; both have `force_ratio`, and the
-            simulated one the attribute `period` [s], from which the shown span is chosen.
-        name: name of the shown quantity.
+        traces: the measured and the simulated recording by condition. Both have the variable `force_ratio`,
+            and the simulated one has the attribute `period` [s], from which the shown span is chosen.
+        name: name of the shown quantity, for the axes.
     """
     rows = (len(traces) + 1) // 2
     figure = Figure(figsize=(7.0, 1.9 * rows + 0.4))

@@ -15,12 +15,14 @@ from .style import WIDTH, drawn, shown
 
 @drawn
 def draw_fit(fit: Fit, axes: Any = None) -> Any:
-    """Draw each recording of a fit over time, measured and by the model, and the residuals below with their
-    noise.
+    """Draw each recording of a fit over time, measured and by the model; below, the residuals.
+
+    A band of two standard deviations of the noise is drawn behind the residuals.
 
     Args:
         fit: fit of recordings over time.
-        axes: Matplotlib axes to draw on, shape (recordings, 2); by default those of a new figure.
+        axes: Matplotlib axes to draw on, (data, residuals) for each recording, shape (recordings, 2); by
+            default those of a new figure.
 
     Returns:
         The axes, shape (recordings, 2); ``axes[0, 0].figure`` is the figure.
@@ -59,14 +61,15 @@ def draw_fit(fit: Fit, axes: Any = None) -> Any:
 
 
 def called(observed: str) -> str:
-    """Return the name of a channel in words, for an axis; "measured" for an empty name."""
+    """Return the name of a channel in words, for an axis: "end-effector position"; "measured" for ""."""
     return observed.replace("_", " ").replace("end effector", "end-effector") or "measured"
 
 
 def _noise(fit: Fit, i: int) -> tuple[Any, str]:
-    """Return the noise's standard deviation in the recording `i`, in its unit, and a legend with its origin.
+    """Return the noise's standard deviation in the recording `i`, and a text for the legend with its origin.
 
-    It was given, or comes from the lack-of-fit test, or is the rms residual.
+    The standard deviation is in the unit of the measured channel, a number or an array. It was given, or
+    comes from the lack-of-fit test, or else is the rms residual.
     """
     given = fit.known[i].given if fit.known else None
     if given is not None:

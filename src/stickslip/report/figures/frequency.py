@@ -22,8 +22,8 @@ _DOTS: dict[str, Any] = {"marker": "o", "ms": 3.2, "mew": 0, "ls": "none", "alph
 class Response(NamedTuple):
     """A frequency response, arrays of shape (n,).
 
-    `frequency` in Hz, ascending; `value` complex, output over input in SI; standard `deviation` of the
-    complex value, in the same unit; `coherence` from 0 to 1.
+    `frequency` is in Hz, ascending. `value` is complex, output over input in SI, and `deviation` its standard
+    deviation in the same unit. `coherence` is from 0 to 1. None: not known.
     """
 
     frequency: ArrayLike
@@ -44,15 +44,15 @@ def frequency_response(
     """Draw gain and phase over frequency, measured as points and models as lines; below, residual and
     coherence.
 
-    The band is two standard deviations on each side. A model has the colour of the measured response with the
-    same name. Its residual, the modulus of the complex difference, is drawn if it covers the same
-    frequencies.
+    The band of a measured gain is two standard deviations on each side. A model has the colour of the
+    measured response with the same name. The model's residual, the modulus of the complex difference, is
+    drawn if the model covers the measured frequencies.
 
     Args:
         measured, models: responses by name ("30 V").
-        unit: SI unit of the response: "m/V".
-        name: name of its modulus.
-        log_frequency: logarithmic frequency axis.
+        unit: SI unit of all responses, such as "m/V".
+        name: name of the modulus, for the axis.
+        log_frequency: True for a logarithmic frequency axis.
     """
     models = models or {}
     residuals = _residuals(measured, models)
@@ -76,7 +76,9 @@ def frequency_response(
         polar(axes[0], axes[1], response.frequency, response.value, scale, **line)
     axes[0].set_yscale("log")
     moduli = scale(np.concatenate([np.abs(np.asarray(value)) for value in everything]))
-    axes[0].set_ylim(bottom=0.5 * moduli[moduli > 0.0].min())  # the bands reach far below the curves
+    # The axis ends at half the least modulus, because bands of standard deviations reach far below the
+    # curves.
+    axes[0].set_ylim(bottom=0.5 * moduli[moduli > 0.0].min())
     axes[0].set_ylabel(scale.label(name))
     axes[1].set_ylabel("phase (°)")
     axes[1].yaxis.set_major_locator(MaxNLocator(5, steps=[1, 1.5, 3, 4.5, 9, 10]))
@@ -104,11 +106,17 @@ def frequency_response(
 def polar(
     gain: Axes, phase: Axes, frequency: ArrayLike, response: ArrayLike, scale: Scale, **how: Any
 ) -> None:
-    """Draw modulus and phase [degrees, without jumps] of a complex response over frequency [Hz]; `how` is
-    passed to matplotlib.
+    """Draw modulus and phase of a complex response over frequency, on the axes `gain` and `phase`.
 
-    The phase starts between -270 and 90 degrees: measurement and model of a negative gain, at -180 or 180
-    degrees, then start at the same value.
+    The phase is unwrapped and starts above -270 and at most at 90 degrees. So measurement and model of a
+    negative gain, whose phase is near 180 degrees, start at the same value.
+
+    Args:
+        gain, phase: axes of modulus and phase.
+        frequency: Hz, shape (n,).
+        response: complex, SI, shape (n,).
+        scale: scale of the modulus.
+        how: passed to matplotlib.
     """
     f, value = np.asarray(frequency, dtype=float), np.asarray(response, dtype=complex)
     trace(gain, f, scale(np.abs(value)), **how)
@@ -120,7 +128,7 @@ def _band(panel: Axes, response: Response, scale: Scale, colour: str) -> None:
     if response.deviation is None:
         return
     gain, error = np.abs(np.asarray(response.value)), 2.0 * np.asarray(response.deviation, dtype=float)
-    lower = np.maximum(gain - error, 1e-3 * gain)  # a logarithmic axis has no zero
+    lower = np.maximum(gain - error, 1e-3 * gain)  # positive, because the axis is logarithmic
     panel.fill_between(
         np.asarray(response.frequency), scale(lower), scale(gain + error), color=colour, alpha=0.2, lw=0
     )
@@ -129,9 +137,10 @@ def _band(panel: Axes, response: Response, scale: Scale, colour: str) -> None:
 def _residuals(
     measured: Mapping[str, Response], models: Mapping[str, Response]
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return frequencies [Hz] and |model - measured| by label, for models of a measured response.
+    """Return the measured frequencies [Hz] and |model - measured| there, in SI, by label of the model.
 
-    Models that do not cover the measured frequencies are left out.
+    Models are interpolated linearly. Models without a measured response of the same label, or that do not
+    cover its frequencies, are left out.
     """
     found = {}
     for label, model in models.items():

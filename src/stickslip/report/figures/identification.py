@@ -65,8 +65,16 @@ def _residuals(
 ) -> None:
     """Draw the residuals of each model (model minus measured) over `x`, on a scale of their own.
 
-    `noise` is the standard deviation of the measured values; a band of two of them is drawn, labelled
-    `known_by`.
+    Args:
+        panel: axes to draw on.
+        x: horizontal coordinate in the unit that the axis shows, shape (n,).
+        measured: measured values in `unit`, shape (n,).
+        models: values of each model in `unit`, by label.
+        unit: SI unit of the values.
+        name: label of the vertical axis, without its unit.
+        noise: standard deviation of the measured values in `unit`, a number or [n]; a band of two of them on
+            each side of zero is drawn. None: no band.
+        known_by: origin of the noise, for the legend.
     """
     differences = [values - measured for values in models.values()]
     scale = scale_for(unit, *differences)
@@ -94,10 +102,11 @@ def fit_with_residuals(
     Args:
         time: s, shape (n,).
         measured: in `unit`, shape (n,).
-        model: as `measured`; several models by name.
-        name: name of the measured quantity: "friction force".
-        unit: its SI unit.
-        fitted: spans of time [s] that were fitted; the rest is prediction.
+        model: values of the model in `unit`, shape (n,); several models by name.
+        name: name of the measured quantity, such as "friction force".
+        unit: SI unit of the measured quantity.
+        fitted: pairs (start, end) of the times [s] that were fitted, which are shaded; the rest is
+            prediction.
     """
     figure, (above, below) = panels((2.4, 1.3))
     beside((above, below), time, measured, model, name=name, unit=unit, fitted=fitted)
@@ -118,8 +127,12 @@ def beside(
 ) -> None:
     """Draw data, models and residuals as `fit_with_residuals` does, on two existing axes.
 
-    `noise` is the standard deviation of the measured values in `unit`, a number or [n]. A band of two of them
-    is drawn about zero in the panel of the residuals, labelled `known_by`.
+    Args:
+        axes: axes of the data and of the residuals.
+        time, measured, model, name, unit, fitted: as for `fit_with_residuals`.
+        noise: standard deviation of the measured values in `unit`, a number or [n]; a band of two of them on
+            each side of zero is drawn behind the residuals. None: no band.
+        known_by: origin of the noise, for the legend.
     """
     t, data, models = np.asarray(time, dtype=float), np.asarray(measured, dtype=float), _models(model)
     above, below = axes
@@ -158,9 +171,10 @@ def friction_loop(
     Args:
         position: m, shape (n,), in the order of time.
         measured: in `unit`, shape (n,).
-        model: as `measured`; several models by name; None: the data alone.
+        model: values of the model in `unit`, shape (n,); several models by name; None: the data alone are
+            drawn.
         name: name of the measured quantity.
-        unit: its SI unit.
+        unit: SI unit of the measured quantity.
     """
     x, data, models = np.asarray(position, dtype=float), np.asarray(measured, dtype=float), {}
     if model is not None:
@@ -190,15 +204,15 @@ def friction_loop(
 def parameter_intervals(
     setting: ArrayLike, estimates: Mapping[str, Estimates], *, setting_name: str, setting_unit: str
 ) -> Figure:
-    """Draw estimated parameters with their confidence intervals over a setting of the experiment, one panel
-    each.
+    """Draw estimates of parameters with their confidence intervals over a setting of the experiment.
 
-    A parameter with an infinite or unknown interval (NaN) has a hollow point without a bar.
+    Each parameter has a panel. An estimate with an infinite or unknown interval (NaN) is a hollow point
+    without a bar.
 
     Args:
-        setting: SI, shape (n,), such as the amplitude of the drive.
-        estimates: by the name of the parameter.
-        setting_name, setting_unit: name and unit of the setting.
+        setting: the setting, such as the drive's amplitude, in SI, shape (n,).
+        estimates: estimates of each parameter at these settings, by name.
+        setting_name, setting_unit: name and SI unit of the setting.
     """
     at = scale_for(setting_unit, setting)
     figure = Figure(figsize=(3.4 * min(len(estimates), 2) + 0.2, 2.4 * ((len(estimates) + 1) // 2)))
@@ -228,13 +242,14 @@ def law_ranking(
     bic: ArrayLike | None = None,
     marks: Mapping[str, float] | None = None,
 ) -> Figure:
-    """Draw 1 - r² of each law on fitted and on predicted recordings, the best law on top.
+    """Draw 1 - r² of each law on fitted and on predicted recordings; the law that predicts best is on top.
 
     Args:
-        names: names of the laws, possibly with their number of parameters.
-        fitted, predicted: r², shape (n,).
-        bic: Bayesian information criterion, shape (n,); its difference from the smallest is shown.
-        marks: r² of others' models by label, as vertical lines.
+        names: names of the laws, as shown.
+        fitted, predicted: r² of each law on fitted and on predicted recordings, shape (n,).
+        bic: Bayesian information criterion, shape (n,); a second panel shows its difference from the
+            smallest. None: no such panel.
+        marks: r² of other authors' models by label, drawn as vertical lines.
     """
     seen, unseen = (1.0 - np.asarray(r, dtype=float) for r in (fitted, predicted))
     order = np.argsort(-unseen)

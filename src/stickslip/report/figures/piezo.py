@@ -14,13 +14,13 @@ from .style import SERIES, WIDTH, drawn, trace
 
 @drawn
 def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]], unit: str = "m") -> Figure:
-    """Draw stroke over voltage, and its deviation from a straight line in percent of the stroke.
+    """Draw stroke over voltage, and the deviation from a straight line in percent of the stroke.
 
     The line joins the points at the lowest and at the highest voltage of a loop.
 
     Args:
-        loops: voltage [V] and stroke, arrays (n,), by label.
-        unit: SI unit of the stroke.
+        loops: voltage [V] and stroke of each loop, arrays (n,), by label.
+        unit: SI unit of the stroke, m or rad.
     """
     figure = Figure(figsize=(WIDTH, 3.0))
     left, right = figure.subplots(1, 2)
@@ -40,11 +40,14 @@ def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]], unit: str
 
 @drawn
 def creep_over_decades(steps: Mapping[str, tuple[ArrayLike, ArrayLike]], begin: float = 0.1) -> Figure:
-    """Draw the stroke after steps, relative to that at `begin` [s], over the logarithm of time.
+    """Draw the stroke after steps over the logarithm of time, as its difference from a reference in percent.
+
+    The reference is the stroke at the time `begin` after the step. The curves start at a tenth of `begin`.
 
     Args:
-        steps: time since the step [s] and stroke relative to before the step [m], arrays (n,), by label.
-        begin: time of the reference stroke after the step, s.
+        steps: time since the step [s] and change of the stroke since before the step [m], arrays (n,), by
+            label.
+        begin: time of the reference after the step, s.
     """
     figure = Figure(figsize=(WIDTH, 2.8))
     axes = figure.subplots()

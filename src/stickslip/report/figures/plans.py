@@ -21,12 +21,15 @@ _MOST_VOLTAGES = len(SERIES)
 def draw_plan(plan: xr.Dataset, axes: Any = None) -> NDArray[Any]:
     """Draw two panels: the gain of each candidate over frequency, and the half-widths of the intervals.
 
-    The gain is the standard error of the goal by the default recording over that by the candidate, in equal
-    time.
+    The gain is a ratio of standard errors of the goal: with the default recording, over the one with the
+    candidate, for equal recording time. The intervals are the expected 95 % intervals of the parameters.
 
     Args:
         plan: `Plan.dataset`.
         axes: two Matplotlib axes; by default those of a new figure.
+
+    Returns:
+        The axes, shape (2,).
     """
     found = panels_given(axes, 2, lambda: shown(WIDTH, 3.1).subplots(1, 2, width_ratios=(1.25, 1.0)))
     _candidates(found[0], plan)

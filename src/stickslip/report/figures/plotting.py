@@ -26,10 +26,10 @@ from .waveforms import draw_waveforms
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Results of an ensemble that are drawn over its varied parameters. In the dataset the parameters come before
-# the result.
+# Results of an ensemble that are drawn over its varied parameters, with their labels. The variables before
+# the result in the dataset are the varied parameters.
 _RESULTS = {"net_step": "net step per period", "net_displacement": "net displacement"}
-_DECADES = 30.0  # ratio of a parameter's values above which its axis is logarithmic
+_DECADES = 30.0  # ratio of the largest to the least value of a parameter above which its axis is logarithmic
 
 
 @drawn
@@ -61,7 +61,8 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
     data = getattr(data, "dataset", data)
     if isinstance(data, xr.Dataset) and "open_loop" in data:
         return _open_loop(data, axes)
-    if hasattr(data, "motion"):  # an optimised drive, whose type belongs to a room above this one
+    # An optimised drive. Its type is not imported, because the package `design` uses this one.
+    if hasattr(data, "motion"):
         return _over_phase(data.motion(), axes)
     for dimension, draw in _DRAWN.items():
         if isinstance(data, xr.Dataset) and dimension in data.dims:
@@ -77,7 +78,10 @@ def _over_phase(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 
 def _panels(axes: Any, count: int, height: float) -> NDArray[Any]:
-    """Return the user's axes, or those of a new figure with `count` panels of `height` inches in a column."""
+    """Return the user's axes, or those of a new figure with `count` panels of `height` inches in a column.
+
+    Raises QuantityError if the user gives another number of axes.
+    """
     return panels_given(
         axes, count, lambda: shown(WIDTH, height * count).subplots(count, 1, sharex=True, squeeze=False)
     )
@@ -98,7 +102,10 @@ def _over_time(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 
 def _verification(data: Verification, axes: Any) -> NDArray[Any]:
-    """Draw each recording, measured and predicted, and the residuals below."""
+    """Draw each recording of a verification over time, measured and predicted, and the residuals below.
+
+    Return the axes, shape (recordings, 2).
+    """
     panels = _panels(axes, 2 * len(data.predictions), 1.9).reshape(-1, 2)
     for (above, below), found, of in zip(panels, data.predictions, data.recordings, strict=True):
         columns = (found[name].values for name in ("time", "measured", "predicted"))
@@ -124,7 +131,11 @@ def _over_frequency(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 
 
 def _open_loop(data: xr.Dataset, axes: Any) -> NDArray[Any]:
-    """Draw gain and phase of the open loop of each model, and the sensitivity with its limit."""
+    """Draw gain and phase of the open loop of each model of a tuning, and the modulus of its sensitivity.
+
+    Dashed lines show unit gain, the required phase margin, and the largest allowed sensitivity. Return the
+    three axes.
+    """
     panels, hertz = _panels(axes, 3, 2.0), data["frequency"].values
     one = Scale(1.0, "")
     for i, opened in enumerate(data["open_loop"].values):
@@ -151,12 +162,12 @@ def bode(model: Any, frequencies: ArrayLike | None = None, axes: Any = None) -> 
     Args:
         model: an `Actuator` whose contact sticks, a `Fit` of one, a modal model, a `StateSpace`, or a
             `control.Regulator`.
-        frequencies: Hz; by default two decades below the lowest mode to one above the highest, or up to half
-            the rate of a regulator.
+        frequencies: Hz, or with units; by default from two decades below the lowest mode to one decade above
+            the highest, or up to half the rate of a regulator.
         axes: two axes to draw on; by default those of a new figure.
 
     Returns:
-        The two axes.
+        The axes of gain and phase.
 
     Raises:
         QuantityError: the model has no frequency response.
@@ -216,7 +227,8 @@ def _over_members(data: xr.Dataset, axes: Any) -> NDArray[Any]:
 def _map(panel: Axes, x: NDArray[Any], y: NDArray[Any], value: NDArray[Any], label: str) -> None:
     """Draw values over two parameters: coloured cells for a complete grid, else coloured dots.
 
-    Points without a value stay white.
+    `x`, `y` and `value` [members] are in the units that the figure shows, `label` is the value's label.
+    Points without a value (NaN) stay white.
     """
     across, up = np.unique(x), np.unique(y)
     cells = np.full((up.size, across.size), np.nan)

@@ -16,8 +16,9 @@ from .style import BLUE, VERMILLION, drawn
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-BINS = 36  # number of bars of a histogram, and of cells along each axis of a pair
-INSIDE = (0.9, 0.5)  # shares of the samples that the contours contain
+# Number of bars of a histogram, and of cells along each axis in which the samples of a pair are counted.
+BINS = 36
+INSIDE = (0.9, 0.5)  # fractions of the samples that the contours of a pair contain
 
 
 @drawn
@@ -27,9 +28,9 @@ def posterior_corner(
     """Draw histograms on the diagonal, and below it contours that contain 50 and 90 % of the samples.
 
     Args:
-        samples: of each parameter, SI, arrays of one shape.
-        units: their SI units.
-        marks: values to mark by dashed lines, such as an estimate.
+        samples: samples of each parameter by name, SI, arrays of one shape.
+        units: SI unit of each parameter by name.
+        marks: values to mark by dashed lines, such as an estimate, by name of the parameter, SI.
     """
     names = list(samples)
     scales = {n: scale_for(units[n], np.median(np.asarray(samples[n]))) for n in names}

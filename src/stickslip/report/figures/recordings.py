@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_MOST = 4  # largest number of panels; further variables are not drawn
+_MOST = 4  # largest number of panels of a figure, one for each variable; further variables are not drawn
 
 
 @drawn
 def recordings_together(recordings: Mapping[str, xr.Dataset]) -> Figure:
-    """Draw the variables that all recordings have, a panel for each, a line for each recording.
+    """Draw the variables that all recordings have, at most `_MOST`: a panel for each, a line per recording.
 
     Args:
-        recordings: over "time", by label.
+        recordings: datasets over "time", by label.
     """
     first = next(iter(recordings.values()))
     names = [n for n in map(str, first.data_vars) if all(n in r for r in recordings.values())][:_MOST]
@@ -44,9 +44,9 @@ def recording_detail(recording: xr.Dataset, begin: float, end: float, mark: floa
     """Draw a part of a recording sample by sample, so that converter steps, noise and delay are visible.
 
     Args:
-        recording: over "time".
+        recording: dataset over "time"; its first `_MOST` variables are drawn.
         begin, end: start and end of the part, s.
-        mark: a time to mark, s, such as that of the trigger.
+        mark: a time to mark by a vertical line, s, such as that of the trigger; None: no line.
     """
     part = recording.sel(time=slice(begin, end))
     names = list(map(str, part.data_vars))[:_MOST]

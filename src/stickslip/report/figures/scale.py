@@ -18,18 +18,22 @@ class Scale(NamedTuple):
     unit: str
 
     def __call__(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Return the numbers to show, in the shape of the values (in SI)."""
+        """Return the numbers to show for values in SI, in the shape of the values."""
         return np.asarray(values, dtype=float) * self.factor
 
     def label(self, name: str) -> str:
-        """Return the label of an axis: "position (µm)"."""
+        """Return the label of an axis: name and shown unit, as in "position (µm)"."""
         return f"{name} ({self.unit})" if self.unit else name
 
 
 def scale_for(unit: str, *values: ArrayLike) -> Scale:
-    """Return the scale that suits the largest finite magnitude in all arrays of values.
+    """Return the scale whose prefix suits the largest finite magnitude in all arrays of values.
 
     ``scale_for("m", [0, 28.8e-6])`` shows µm. Units that take no prefix ("kg", "rad/s", "") stay as they are.
+
+    Args:
+        unit: SI unit of the values.
+        values: arrays or numbers in this unit.
     """
     magnitudes = [np.abs(np.asarray(array, dtype=float)) for array in values]
     largest = max((float(np.max(m, where=np.isfinite(m), initial=0.0)) for m in magnitudes), default=0.0)

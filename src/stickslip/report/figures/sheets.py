@@ -19,11 +19,17 @@ _BEFORE = "#C9C6BC"
 
 @drawn
 def draw_sheet(sheet: xr.Dataset, axes: Any = None) -> NDArray[Any]:
-    """Draw two panels: the sheet's numbers with those of the draws, and the interval of each parameter.
+    """Draw two panels on a data-sheet model: numbers of the sheet, and 95 % intervals of the parameters.
+
+    The left panel has the model's numbers over the sheet's, for random draws of the model. The right panel
+    has the intervals before (grey) and after the sheet was used, over the model's values.
 
     Args:
         sheet: `SheetModel.dataset`.
         axes: two Matplotlib axes; by default those of a new figure.
+
+    Returns:
+        The axes, shape (2,).
     """
     found = panels_given(axes, 2, lambda: shown(WIDTH, 3.0).subplots(1, 2, width_ratios=(1.0, 1.3)))
     _reproduced(found[0], sheet)

@@ -19,12 +19,13 @@ _DRAWN = 400  # number of points of the law's curve
 
 @drawn
 def steady_friction(velocity: ArrayLike, force: ArrayLike, law: Stribeck) -> Figure:
-    """Draw the magnitude of the friction force over that of the velocity, on a logarithmic axis, and the
-    residuals below.
+    """Draw the magnitude of the friction force over the magnitude of the velocity; below, the residuals.
+
+    The velocity's axis is logarithmic. Residuals are law minus measured.
 
     Args:
         velocity: m/s, shape (n,); points at 0 are left out.
-        force: N, shape (n,), without the offset of the sensor.
+        force: N, shape (n,), after subtraction of the sensor's offset.
         law: the fitted law.
     """
     v, f = np.asarray(velocity, float), np.asarray(force, float)

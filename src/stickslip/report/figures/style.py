@@ -30,17 +30,19 @@ R = TypeVar("R")
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 ORANGE, SKY, BLACK = "#E69F00", "#56B4E9", "#000000"
 SERIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-MEASURED = "#8C8C8C"  # measured data: a broad grey line under the thin coloured one of the model
-SHADE = "#F0EFEA"  # marks a part of the time axis, such as the fitted part
-# Lines of one axis also differ by dashes, for prints in black and white.
+MEASURED = "#8C8C8C"  # colour of measured data: a broad grey line under the model's thin coloured one
+SHADE = "#F0EFEA"  # background colour of a part of the time axis, such as the fitted part
+# Line styles: the lines of one axis also differ by dashes, for prints in black and white.
 DASHES = ("-", (0, (5, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)))
 
-WIDTH = 7.0  # inches, width of a page's text
+WIDTH = 7.0  # usual width of a figure, that of a page's text, inches
 # Number of points of a line, and number of markers, above which a trace is drawn as pixels within the SVG, to
 # keep the file small. A marker takes more bytes than a point.
 MANY_POINTS, MANY_MARKERS = 5000, 1000
 DOTS_PER_INCH = 200  # resolution of traces that are drawn as pixels
-LONGEST_TEXT = 500  # largest number of characters of a title or label; 120,000 take 8 s to draw
+# Largest number of characters of a title or label that is drawn; the rest is cut off, because 120,000
+# characters, as a file may contain, take 8 s to draw.
+LONGEST_TEXT = 500
 
 _STYLE: dict[str, Any] = {
     "figure.facecolor": "white",
@@ -70,19 +72,19 @@ _STYLE: dict[str, Any] = {
     "ytick.direction": "out",
     "legend.frameon": False,
     "legend.fontsize": 8,
-    "font.family": "DejaVu Sans",  # comes with matplotlib
+    "font.family": "DejaVu Sans",  # part of matplotlib, so that every machine has this font
     "font.size": 9,
     "figure.constrained_layout.w_pad": 0.07,
     "figure.constrained_layout.h_pad": 0.06,
     "figure.constrained_layout.use": True,
     "figure.dpi": 100,
-    "svg.fonttype": "path",  # glyphs as outlines: the same on every machine, whatever its fonts
-    "svg.hashsalt": "stickslip",  # the same picture is the same file
+    "svg.fonttype": "path",  # letters as outlines, so that they look alike on machines with other fonts
+    "svg.hashsalt": "stickslip",  # fixed identifiers in the SVG: equal figures give equal files
 }
 
 
 def drawn(make: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a drawing function so that it runs with the style of this package."""
+    """Decorate a drawing function so that it runs with this package's style, whatever the user's settings."""
 
     @functools.wraps(make)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -93,20 +95,26 @@ def drawn(make: Callable[P, R]) -> Callable[P, R]:
 
 
 def shown(width: float, height: float) -> Figure:
-    """Return a new figure for interactive use; width and height in inches.
+    """Return a new pyplot figure for interactive use; width and height in inches.
 
-    A notebook shows it below its cell, ``pyplot.show()`` in a window.
+    A notebook shows the figure below the cell, ``pyplot.show()`` shows it in a window.
     """
-    from matplotlib import pyplot  # only here, because pyplot keeps all its figures
+    # Other figures are made without pyplot, which keeps each of its figures in memory.
+    from matplotlib import pyplot
 
     return pyplot.figure(figsize=(width, height), layout="constrained")
 
 
 def panels_given(axes: Any, count: int, new: Callable[[], Any]) -> NDArray[Any]:
-    """Return the axes that a user gave, or those that `new` makes; shape (count,).
+    """Return the axes that a user gave, or, if `axes` is None, those that `new` makes; shape (count,).
+
+    Args:
+        axes: Matplotlib axes in an array of any shape, a single one, or None.
+        count: required number of axes.
+        new: function without arguments that makes a figure with this number of axes.
 
     Raises:
-        QuantityError: another number of axes.
+        QuantityError: there is another number of axes.
     """
     found = np.asarray(new() if axes is None else axes, dtype=object).reshape(-1)
     if found.size != count:
@@ -118,7 +126,13 @@ def panels_given(axes: Any, count: int, new: Callable[[], Any]) -> NDArray[Any]:
 def panels(
     heights: Sequence[float], *, width: float = WIDTH, share_x: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure of panels one above the other, and its axes; heights and width in inches."""
+    """Return a new figure of panels one above the other, and its axes from top to bottom.
+
+    Args:
+        heights: height of each panel, inches.
+        width: width of the figure, inches.
+        share_x: True if all panels share one horizontal axis.
+    """
     figure = Figure(figsize=(width, sum(heights)))
     grid = figure.subplots(len(heights), 1, sharex=share_x, squeeze=False, height_ratios=list(heights))
     axes = list(grid[:, 0])
@@ -127,8 +141,11 @@ def panels(
 
 
 def trace(axes: Axes, x: ArrayLike | NDArray, y: ArrayLike | NDArray, **how: Any) -> Line2D:
-    """Draw a line through the points (x, y), or markers at them, and return it; a large number of points is
-    rasterised. `how` is passed to matplotlib."""
+    """Draw a line through the points (x, y), or markers at the points, and return the line object.
+
+    More than `MANY_POINTS` points, or `MANY_MARKERS` markers, are drawn as pixels. `how` is passed to
+    matplotlib.
+    """
     (line,) = axes.plot(x, y, **how)
     limit = MANY_POINTS if line.get_marker() == "None" else MANY_MARKERS
     line.set_rasterized(len(line.get_xdata()) > limit)  # type: ignore[arg-type]
@@ -136,11 +153,14 @@ def trace(axes: Axes, x: ArrayLike | NDArray, y: ArrayLike | NDArray, **how: Any
 
 
 def legend_above(axes: Axes, columns: int = 4) -> None:
-    """Put the legend in a row above the panel, where it hides no data."""
+    """Put the legend in rows of up to `columns` entries above the panel, where it hides no data.
+
+    Nothing is drawn without labelled lines.
+    """
     handles, labels = axes.get_legend_handles_labels()
     if labels:
         columns = min(columns, len(labels))
-        # Matplotlib fills columns, but people read rows.
+        # Matplotlib fills a legend column by column, but people read it row by row.
         order = [i for first in range(columns) for i in range(first, len(labels), columns)]
         axes.legend(
             [handles[i] for i in order],
@@ -165,7 +185,7 @@ def shade(axes: Iterable[Axes], spans: Iterable[tuple[float, float]], label: str
 
 
 def _texts(figure: Figure) -> Iterator[Text]:
-    """Yield the titles, labels and legends of a figure: texts that may come from a file."""
+    """Yield the text objects of a figure that may come from a user's file: titles, labels, legends, notes."""
     for one in figure.axes:
         yield from (one.title, one._left_title, one._right_title)  # type: ignore[attr-defined]
         yield from (one.xaxis.label, one.yaxis.label, *one.texts)
@@ -174,16 +194,20 @@ def _texts(figure: Figure) -> Iterator[Text]:
 
 
 def svg(figure: Figure) -> str:
-    """Return the figure as an SVG element: no XML header, no date, no external reference."""
+    """Return the figure as an SVG element: text without XML header, date or external references.
+
+    Texts of more than `LONGEST_TEXT` characters are cut off in the figure, and a pyplot figure is closed.
+    """
     target = io.StringIO()
     figure.dpi = DOTS_PER_INCH
     for text in _texts(figure):
         if len(text.get_text()) > LONGEST_TEXT:
             text.set_text(f"{text.get_text()[:LONGEST_TEXT]} ...")
     with context(_STYLE, after_reset=True):
-        # `print_svg` instead of `savefig`, which draws twice: the first time only for the layout.
+        # `print_svg` saves time: `savefig` would draw the figure twice, the first time only for the layout.
         FigureCanvasSVG(figure).print_svg(target, metadata={"Date": None, "Creator": None})
-    if "matplotlib.pyplot" in sys.modules:  # otherwise a notebook would also show it below its cell
+    # A notebook would also show a figure below the cell that pyplot has not closed.
+    if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].close(figure)
     text = target.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)

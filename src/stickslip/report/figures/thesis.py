@@ -1,7 +1,7 @@
 """Figures of the thesis [kang2007], drawn from the package's laws and simulations.
 
-Figures 2.1, 2.4, 3.1-3.4 and 3.7 are those of the thesis. `walk`, `there_and_back` and `friction_loops` show
-what it describes in words. Comments give values that the thesis does not print.
+Figures 2.1, 2.4, 3.1-3.4 and 3.7 reproduce figures of the thesis. `walk`, `there_and_back` and
+`friction_loops` show what the thesis describes in words. Comments give values that the thesis does not print.
 """
 
 from __future__ import annotations
@@ -25,18 +25,20 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-# Sec. 3.2.3: sigma_0 = 600, sigma_1 = 100, sigma_2 = 25 per micrometre, F_C = 10 N. The thesis only says
-# "parabolic": x = a t^2/2 with this a reproduces every statement of its text. Only sigma^2 a matters, so
-# another unit of sigma_1 and sigma_2 is equivalent to another a.
+# Friction law and motion of fig. 3.1-3.4. Sec. 3.2.3 gives sigma_0 = 600, sigma_1 = 100 and sigma_2 = 25 per
+# micrometre, and F_C = 10 N. It calls the motion "parabolic": x = a t^2/2, with the acceleration PARABOLA
+# (a, m/s^2) chosen so that each statement of its text is reproduced. Only sigma^2 a matters, so another unit
+# of sigma_1 and sigma_2 is equivalent to another a.
 DEMONSTRATION = LuGre("600 N/um", "100 N s/um", "25 N s/um", 10.0, 10.0)  # type: ignore[arg-type]
-PARABOLA = 30e-6  # m/s^2, the acceleration a
-_REACH = 0.2e-6  # m, final displacement of the demonstration: twelve presliding distances F_C / sigma_0
+PARABOLA = 30e-6
+_REACH = 0.2e-6  # final displacement of the demonstration, m: twelve presliding distances F_C / sigma_0
 
 
 def demonstration(samples: int = 4001) -> dict[str, xr.Dataset]:
-    """Return simulations of LuGre friction with four settings of damping, by the thesis's figure number.
+    """Simulate LuGre friction under a given motion, with four settings of damping.
 
-    The displacement is the parabola x = a t²/2, with `samples` samples.
+    The displacement is the parabola x = a t²/2 with `samples` samples. Return the responses, datasets over
+    time with position and friction force, by the thesis's figure number ("3.1" to "3.4").
     """
     time = np.linspace(0.0, np.sqrt(2.0 * _REACH / PARABOLA), samples)
     laws = {
@@ -65,7 +67,8 @@ def static_laws(laws: Mapping[str, Any], speed: float) -> Figure:
         held = breakaway(law)
         for way in (1.0, -1.0):
             trace(panel, velocity(way * v), force(way * moving[name]), color=BLUE)
-            if moving[name][0] < 0.99 * held:  # a law whose force drops when sliding starts
+            # The force of this law drops when sliding starts; a hollow point marks the force just after.
+            if moving[name][0] < 0.99 * held:
                 panel.plot(0.0, force(way * moving[name][0]), "o", mfc="white", mec=BLUE, zorder=3)
         panel.plot([0.0, 0.0], force([-held, held]), color=VERMILLION, lw=2.4, solid_capstyle="butt")
         panel.set_title(name, loc="left")
@@ -87,7 +90,12 @@ def static_laws(laws: Mapping[str, Any], speed: float) -> Figure:
 
 @drawn
 def plastic_share_over_deflection(law: Elastoplastic, speed: float = 1e-4) -> Figure:
-    """Draw fig. 2.4: alpha(z, v), the part of the motion that slides, for both directions of sliding."""
+    """Draw fig. 2.4: alpha(z, v), the sliding fraction of a motion, over the bristle's deflection z.
+
+    Args:
+        law: elastoplastic law, which gives sigma_0, Coulomb force and breakaway deflection.
+        speed: magnitude of the sliding velocity v, m/s; both directions are drawn.
+    """
     z_ss, z_ba = law.coulomb_force / law.sigma_0, law.breakaway_deflection
     z = np.linspace(-1.5 * z_ss, 1.5 * z_ss, 1201)
     figure, (panel,) = panels([2.6])
@@ -145,7 +153,10 @@ def under_the_parabola(responses: Mapping[str, xr.Dataset]) -> Figure:
 
 @drawn
 def drive_signals(waveforms: Mapping[str, Waveform], duration: float) -> Figure:
-    """Draw fig. 3.7: drive voltage over time, one panel per waveform, with vertical jumps."""
+    """Draw fig. 3.7: drive voltage over time from 0 to `duration` [s], a panel for each waveform by title.
+
+    Jumps of the voltage are vertical lines.
+    """
     figure, axes = panels([1.35] * len(waveforms))
     clock = scale_for("s", duration)
     for panel, (name, waveform) in zip(axes, waveforms.items(), strict=True):
@@ -175,12 +186,12 @@ _ROWS: tuple[tuple[str, tuple[tuple[str, str, str, Any], ...]], ...] = (
 
 @drawn
 def walk(recording: xr.Dataset, zoom: tuple[float, float], friction: float | None = None) -> Figure:
-    """Draw drive, positions, sliding and friction force of an actuator; at the right, one flyback.
+    """Draw drive, positions, sliding and friction force of an actuator over time; at the right, one flyback.
 
     Args:
         recording: result of `simulate`.
-        zoom: start and end of the right column, s; it needs dense samples.
-        friction: force level to mark (F_C), N.
+        zoom: start and end of the time in the right column, s; the recording needs many samples there.
+        friction: force to mark in both directions by lines, such as F_C, N; None: no lines.
     """
     figure = Figure(figsize=(WIDTH, 6.4))
     grid = figure.subplots(
@@ -210,7 +221,10 @@ def walk(recording: xr.Dataset, zoom: tuple[float, float], friction: float | Non
 
 @drawn
 def there_and_back(recording: xr.Dataset) -> Figure:
-    """Draw a walk forward, a rest and the walk back with the reverse sawtooth: drive and end-effector."""
+    """Draw drive voltage and end-effector position over time, for a walk forward, a rest and a walk back.
+
+    `recording` is a result of `simulate`.
+    """
     figure, axes = panels([1.3, 2.4])
     clock = scale_for("s", recording["time"].values)
     rows = (("drive_voltage", "drive", BLACK), ("end_effector_position", "end-effector", VERMILLION))

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-# One panel per row: its height in inches, and the variables that it shows if the recording has them.
+# Panels of the figure from top to bottom: name, height in inches, and the variables that the panel shows if
+# the recording has them.
 _PANELS = (
     ("drive", 1.2, ("drive_voltage", "voltage")),
     (
@@ -34,13 +35,13 @@ _COLOURS = {
 
 @drawn
 def trajectory(recording: xr.Dataset) -> Figure:
-    """Draw drive voltage, positions and forces of a recording over time, as far as it has them.
+    """Draw drive voltage, positions and forces of a recording over time; those that it lacks are left out.
 
     Args:
-        recording: over "time", from `simulate` or a reader.
+        recording: dataset over "time", from `simulate` or a reader.
 
     Raises:
-        ValueError: it has none of the variables that are shown.
+        ValueError: the recording has none of the variables that can be shown.
     """
     shown = [(name, height, [v for v in names if v in recording]) for name, height, names in _PANELS]
     shown = [row for row in shown if row[2]]

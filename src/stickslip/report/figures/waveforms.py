@@ -21,8 +21,9 @@ def draw_waveforms(data: xr.Dataset, panels: NDArray[Any]) -> NDArray[Any]:
     """Draw voltage and end-effector position over one period, a line for each drive.
 
     Args:
-        data: periodic motions over "drive" and "phase", with the "period" of each drive [s].
-        panels: two axes, for voltage and position.
+        data: periodic motions: "drive_voltage" and "end_effector_position" over "drive" and "phase" (from 0
+            to 1), and the "period" of each drive [s].
+        panels: two axes, for voltage and position, which are returned.
 
     Raises:
         QuantityError: the dataset lacks a variable.

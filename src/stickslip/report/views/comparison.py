@@ -15,7 +15,7 @@ from ..figures.style import svg
 from ..fits import fit_numbers
 from ..viewing import document_of
 
-# The usual model of such actuators [kang2007, ch. 3], with constant steady friction.
+# Name of the usual friction model of stick-slip actuators [kang2007, ch. 3]; its steady friction is constant.
 USUAL = "LuGre"
 # Relative difference of rms errors on recordings that were not fitted, below which two models count as
 # equally good.
@@ -24,7 +24,7 @@ SAME = 0.01
 
 @document_of.register
 def comparison_document(found: Comparison) -> Document:
-    """Return the ranking of the models by their errors on unseen recordings."""
+    """Return a document with the ranking of friction models by their errors on recordings not fitted."""
     best = found.verifications[found.best]
     return Document(
         title="Comparison of models",
@@ -37,7 +37,10 @@ def comparison_document(found: Comparison) -> Document:
 
 
 def choice_numbers(found: Comparison) -> dict[str, Any]:
-    """Return each model's fit and its prediction errors for results.json."""
+    """Return the numbers of each model's fit, and its errors on recordings not fitted, for results.json.
+
+    The keys are the labels of the models; the errors are "verification_r_squared" and "verification_rmse".
+    """
     return {
         label: {
             **fit_numbers(fit, seen.unit),
@@ -55,8 +58,8 @@ def _plain(number: float) -> str:
 def conclusion(choice: Comparison) -> str:
     """Return a sentence with numbers on whether the recordings confirm the usual choice, the LuGre model.
 
-    They do if its error on recordings that were not fitted is within `SAME` of the least error, and its BIC
-    within 10 of the least.
+    They do if its rms error on recordings that were not fitted exceeds the least error by less than the
+    fraction `SAME`, and its BIC exceeds the least by less than 10. Models that are as good are named.
     """
     table = choice.table
     rmse, bic = table["verification_rmse"], table["bic"] - table["bic"].min()
@@ -83,6 +86,8 @@ def conclusion(choice: Comparison) -> str:
 
 def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) -> Section:
     """Return a section with the ranking of the models, and whether it confirms the usual choice.
+
+    The section has the sentence of `conclusion`, a table and a figure.
 
     Args:
         found: the compared models.
@@ -118,7 +123,11 @@ def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) 
 
 
 def _ranking_table(found: Comparison, marks: Mapping[str, float]) -> Table:
-    """Return a table of the models, sorted by their rms error on recordings that were not fitted."""
+    """Return a table of the models, sorted by their rms error on recordings that were not fitted.
+
+    A row has the number of fitted parameters, r² on fitted and on other recordings, the rms error, AIC and
+    BIC above the least ones, and a remark.
+    """
     table = found.table
     lowest = {key: float(table[key].min()) for key in ("aic", "bic")}
     labels, keys = list(found.fits), ("r_squared", "verification_r_squared", "verification_rmse")

@@ -12,7 +12,10 @@ from ..viewing import document_of
 
 @document_of.register
 def conditions_document(found: Conditions) -> Document:
-    """Return a document that compares the parameters fitted under each condition."""
+    """Return a document that compares the parameters fitted under each condition, such as a temperature.
+
+    It says whether one set of parameters explains all conditions, and which parameters change.
+    """
     table, names = found.table, [p.name for p in found.together.shown]
     own = [estimates(fit) for fit in found.fits]
     rows = [

@@ -10,9 +10,9 @@ from ..viewing import document_of
 
 @document_of.register
 def tuning_document(tuning: Tuning, unit: str = "m") -> Document:
-    """Return a document with the tuned regulator, and its stability margins over all models.
+    """Return a document with the tuned regulator: integral gain, filters, and the margins for all models.
 
-    `unit` is that of positions, m or rad.
+    `unit` is the unit of positions, m or rad.
     """
     filters = [f"notch at {with_prefix(n.frequency, 'Hz')}, width {n.width:g}" for n in tuning.notches]
     if tuning.low_pass is not None:

@@ -14,7 +14,11 @@ from ..viewing import document_of
 
 @document_of.register
 def sheet_document(found: SheetModel) -> Document:
-    """Return a document with the sheet and its sources, its model, and the undetermined parameters."""
+    """Return a document on an actuator model that was found from a data sheet.
+
+    It has the numbers of the sheet with their sources, the model's numbers for comparison, the parameters
+    with 95 % intervals, and the names of parameters that the sheet does not determine.
+    """
     of, known = found.dataset, quantities(type(found.sheet))
     numbers = found.sheet.numbers
     stated = Table(

@@ -19,10 +19,13 @@ _TITLES = {"time": "Recording", "frequency": "Frequency response", "member": "Me
 
 @document_of.register
 def dataset_document(data: xr.Dataset) -> Document:
-    """Return a document with the figure of `plot`, and the range of each variable."""
+    """Return a document with the figure of `plot`, and least and largest value of each variable.
+
+    A step map has the document of `map_document`. Raises QuantityError for a dataset that cannot be drawn.
+    """
     if is_map(data):
         return map_document(data)
-    axes = plot(data)  # refuses any other dataset
+    axes = plot(data)  # raises QuantityError for a dataset without one of the dimensions of `_TITLES`
     over = next(name for name in _TITLES if name in data.dims)
     coordinate = data[over]
     title = str(data.attrs.get("title") or _TITLES[over])

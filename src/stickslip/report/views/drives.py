@@ -19,15 +19,18 @@ from ..figures.plotting import plot
 from ..figures.style import svg
 from ..viewing import document_of
 
-# Largest number of rows of a table of conditions (the worst ones), and of drives of a front. results.json has
-# all of them.
+# Largest number of rows of the table of conditions (the worst ones), and of the table of a front's drives
+# (evenly chosen ones). results.json has all of them.
 MOST_ROWS, MOST_POINTS = 30, 12
 STOPPED = "stopped before the end of the search: the best until then"
 
 
 @document_of.register
 def optimised_document(found: OptimisedWaveform) -> Document:
-    """Return a document with the drive, and the goal in every condition compared with the best sawtooth."""
+    """Return a document with an optimised drive, and the goal's value in every condition.
+
+    The values are compared with those of the best sawtooth. An interrupted search is a failure.
+    """
     value, saw = (Number(one, found.unit) for one in (found.value, found.sawtooth_value))
     lines = found.report().splitlines()
     section = Section(
@@ -49,7 +52,7 @@ def optimised_document(found: OptimisedWaveform) -> Document:
 
 @document_of.register
 def front_document(found: Front) -> Document:
-    """Return a document with the Pareto-optimal drives of both goals."""
+    """Return a document with the Pareto-optimal drives for two goals: a figure, and a table of drives."""
     names = [str(name) for name in found.table if name != "frequency"]
     labels = [str(found.table[name].attrs["long_name"]) for name in names]
     picture = Picture(
@@ -70,8 +73,10 @@ def front_document(found: Front) -> Document:
 
 @document_of.register
 def actuator_document(found: OptimisedActuator) -> Document:
-    """Return a document with the optimised actuator: free values, and the goal in each condition before and
-    after."""
+    """Return a document with an optimised actuator: its free values as given and as found.
+
+    A figure shows the goal's value in each condition for both actuators, each with its best sawtooth.
+    """
     best, label, lines = found.best, found.goal.label, found.report().splitlines()
     shown = {"as found": best.values, "as given": best.before}
     caption = f"{label.capitalize()} in every condition: as found and as given, each with its best sawtooth."
@@ -231,7 +236,10 @@ def _front_numbers(found: Front) -> dict[str, Any]:
 
 
 def arrays(values: Mapping[str, tuple[Any, str]]) -> dict[str, Any]:
-    """Return arrays, given by name as (values, unit), in the form of results.json."""
+    """Return arrays in the form of results.json: mappings with "value" and "unit" by name.
+
+    `values` has pairs (values, SI unit) by name.
+    """
     return {name: {"value": np.asarray(one), "unit": unit} for name, (one, unit) in values.items()}
 
 

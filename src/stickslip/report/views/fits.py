@@ -12,7 +12,7 @@ from ..fits import estimates, fit_numbers, fit_summary, parameter_table
 from ..thresholds import judgement_section
 from ..viewing import document_of
 
-MOST_DRAWN = 8  # a fit of more recordings is shown without figures
+MOST_DRAWN = 8  # largest number of recordings with a figure; a fit of more recordings has no figure
 
 
 @document_of.register
@@ -37,14 +37,17 @@ def fit_document(fit: Fit) -> Document:
 
 
 def goodness_table(fit: Fit) -> Table:
-    """Return a table of r² and rms error, one row for each recording."""
+    """Return a table of r² and rms error (in the channel's unit), one row for each recording of a fit."""
     columns = (Column("recording"), Column("r²", "", 5), Column("rms error", fit.recordings[0].unit, 3))
     rows = [(one.name, one.r_squared, one.rmse) for one in fit.recordings]
     return Table("Coefficient of determination, rms error.", columns, rows)
 
 
 def _pictures(fit: Fit) -> list[Picture]:
-    """Return a picture of the recordings with the model; none for many recordings, or not over time."""
+    """Return a list with one picture of all recordings with the model.
+
+    The list is empty for more than `MOST_DRAWN` recordings, or for recordings that are not over time.
+    """
     over_time = all(t.size and t.size == r.size for t, r in zip(fit.times, fit.residuals, strict=True))
     if not over_time or len(fit.recordings) > MOST_DRAWN:
         return []

@@ -15,7 +15,10 @@ from ..viewing import document_of
 
 @document_of.register
 def plan_document(plan: Plan) -> Document:
-    """Return a document with the planned recordings, and the expected interval of each parameter."""
+    """Return a document with the planned recordings, and the expected 95 % interval of each parameter.
+
+    The intervals are compared with those that the default recording gives in equal time.
+    """
     section = Section(
         "Planned recordings",
         tables=(_recordings_table(plan), _parameters_table(plan)),

@@ -13,7 +13,10 @@ MOST_DRAWN = 8  # largest number of parameters in the figure; further ones are n
 
 @document_of.register
 def posterior_document(found: Posterior) -> Document:
-    """Return the report of a posterior: parameters, their distributions, and convergence of the chains."""
+    """Return a document with the parameters' distributions, and the convergence of the chains.
+
+    Chains that have not converged are a failure.
+    """
     numbers = posterior_numbers(found)
     message = f"{found.message[0].upper()}{found.message[1:]}."
     return Document(
@@ -40,7 +43,7 @@ def posterior_numbers(found: Posterior) -> dict[str, Number]:
 def posterior_table(found: Posterior) -> Table:
     """Return a table with one row per parameter: mean, 95 % interval, R-hat, and effective sample sizes.
 
-    The effective sample sizes are those of the whole distribution and of its tails.
+    There is an effective sample size for the whole distribution, and one for its tails.
     """
     columns = (
         Column("parameter"),

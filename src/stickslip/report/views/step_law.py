@@ -14,7 +14,11 @@ _MANY = 1000  # number of steps for which the drift is stated
 
 @document_of.register
 def step_law_document(law: StepLaw) -> Document:
-    """Return a document with step sizes by voltage and direction, threshold voltages, scatter and drift."""
+    """Return a document on the steps of a motor, from a result of `fit_steps`.
+
+    It has the step sizes [m] by voltage and direction, the threshold voltages at which steps start, the
+    scatter of single steps, the drift over `_MANY` steps, and the loss at a change of direction.
+    """
     most = law.voltages[-1]
     up, down = law.size(most, 1), law.size(most, -1)
     rows = [

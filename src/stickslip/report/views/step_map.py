@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 def map_document(found: xr.Dataset) -> Document:
     """Return a document with maps of step and speed over the varied quantities, and their maxima.
 
-    `found` is the result of `step_map`.
+    The numbers of points without a steady step are given with a reason. Points that are not computed yet,
+    after an interruption, are a failure. `found` is the result of `step_map`.
     """
     flags = str(found["status"].attrs["flag_meanings"]).split()
     counts = {name: int((found["status"] == i).sum()) for i, name in enumerate(flags)}
@@ -46,7 +47,10 @@ def map_document(found: xr.Dataset) -> Document:
 
 
 def map_numbers(found: xr.Dataset) -> dict[str, Any]:
-    """Return every number of a map, for results.json: arrays over its dimensions."""
+    """Return every variable and coordinate of a map for results.json: "value" and "unit" by name.
+
+    "dimensions" has the names of the arrays' dimensions. Reasons, which are texts, are left out.
+    """
     made: dict[str, Any] = {"dimensions": list(map(str, found["net_step"].dims))}
     for name, one in (found.coords | found.data_vars).items():
         if name == "reason":
@@ -56,7 +60,10 @@ def map_numbers(found: xr.Dataset) -> dict[str, Any]:
 
 
 def map_pictures(found: xr.Dataset) -> list[Picture]:
-    """Return pictures of step and speed, then of further results of a map; none if they need many panels."""
+    """Return pictures of step and speed, then of further results of a map that have values.
+
+    The list is empty for a map without dimensions, or if a picture needs more than `MOST_PANELS` panels.
+    """
     made = []
     dims = found["net_step"].dims
     panels = int(np.prod(sorted(found.sizes[d] for d in dims)[:-2])) if len(dims) > 2 else 1
@@ -80,9 +87,9 @@ def map_pictures(found: xr.Dataset) -> list[Picture]:
 
 
 def _best(found: xr.Dataset, name: str) -> dict[str, Any]:
-    """Return the "value" of a result with the greatest magnitude, and its coordinates "at".
+    """Return the "value" of greatest magnitude of the result `name`, and its coordinates "at" by name.
 
-    Empty if all values are NaN.
+    The mapping is empty if all values are NaN.
     """
     sizes = np.abs(found[name].values)
     if not np.any(np.isfinite(sizes)):

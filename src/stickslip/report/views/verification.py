@@ -13,12 +13,12 @@ from ..figures.fits import called
 from ..fits import prediction_picture
 from ..viewing import document_of
 
-MOST_PICTURES = 8  # largest number of recordings with a figure
+MOST_PICTURES = 8  # largest number of recordings that have a figure; further ones have none
 
 
 @document_of.register
 def verification_document(found: Verification) -> Document:
-    """Return a document with the predictions of a verification and their errors."""
+    """Return a document with the predictions of a verification and their errors, a row per recording."""
     count, least = len(found.recordings), float(min(found.table["r_squared"].values))
     sentences = (*found.statements, *found.remarks, *found.taken)
     return Document(
@@ -41,9 +41,11 @@ def verification_document(found: Verification) -> Document:
 
 
 def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
-    """Return a table of r², rms error and the error of the net step [%], one row for each recording.
+    """Return a table with one row for each recording of a verification.
 
-    `roles` are texts for a further column, one for each recording; without them there is no such column.
+    A row has r², the rms error, the measured net step per period, and the error of the predicted net step
+    [%]; the last two are empty if the net step is not known. `roles` are texts for a further column, one for
+    each recording; if empty, there is no such column.
     """
     table = found.table
     rows = []
@@ -78,7 +80,10 @@ def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
 
 
 def verification_numbers(found: Verification) -> dict[str, Any]:
-    """Return the figures of merit of a verification by recording, for results.json."""
+    """Return the figures of merit of a verification by recording and name, for results.json.
+
+    The names are those of the variables of `Verification.table`, such as "r_squared" and "rmse".
+    """
     table = found.table
     return {
         str(name): {
@@ -89,7 +94,9 @@ def verification_numbers(found: Verification) -> dict[str, Any]:
 
 
 def prediction_pictures(found: Verification) -> list[Picture]:
-    """Return figures of measured and predicted curves with residuals for the first recordings."""
+    """Return pictures of measured and predicted curves with residuals, for the first `MOST_PICTURES`
+    recordings.
+    """
     channel = called(found.observed)
     return [
         prediction_picture(
