@@ -35,15 +35,19 @@ class Candidate(NamedTuple):
     model: Any
     free: tuple[str, ...]
     bounds: Bounds
-    starts: int = 1  # more for a law whose sum of squares has several local minima
-    tied: Mapping[str, str] = {}  # the shared default is never changed
-    priors: Mapping[str, tuple[float | str, float | str]] = {}  # the shared default is never changed
+    starts: int = 1
+    # All candidates share these empty default mappings; they are never changed.
+    tied: Mapping[str, str] = {}
+    priors: Mapping[str, tuple[float | str, float | str]] = {}
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Models fitted to the same recordings: their `fits`, and the goodness of their predictions of recordings
-    that no fit used (`verifications`), by label."""
+    """Comparison of models that were fitted to the same recordings.
+
+    Fields: `fits`, the fit of each model by label; `verifications`, the goodness of its predictions of all
+    recordings that no fit used, by label.
+    """
 
     fits: Mapping[str, Fit]
     verifications: Mapping[str, Goodness]
@@ -55,8 +59,12 @@ class Comparison:
 
     @property
     def table(self) -> xr.Dataset:
-        """Return a dataset over "law" (the labels): r^2 and rmse on fitted and on verification recordings,
-        AIC, BIC, number of parameters, and convergence."""
+        """Return a dataset over "law" (the labels).
+
+        Its variables are r_squared and rmse on the fitted recordings, verification_r_squared and
+        verification_rmse on the others (rmse in the unit of the channel), aic, bic, n_parameters and
+        converged.
+        """
         fits, seen = list(self.fits.values()), list(self.verifications.values())
         columns = {
             "r_squared": ([f.r_squared for f in fits], ""),
@@ -76,7 +84,8 @@ class Comparison:
     _repr_html_ = preformatted
 
     def report(self) -> str:
-        """Return the table as text, with AIC and BIC as differences from their lowest values."""
+        """Return a text table with one line for each model: r^2 of the fit, r^2 and rmse of the verification,
+        AIC and BIC as differences from their lowest values, number of parameters, and doubts."""
         lowest_aic = min(f.aic for f in self.fits.values())
         lowest_bic = min(f.bic for f in self.fits.values())
         width = max(map(len, self.fits))
@@ -106,7 +115,7 @@ def compared(
 
     Args:
         laws: the candidates.
-        fit: function that fits one candidate.
+        fit: function from a candidate to its fit, which must be able to predict recordings.
         unseen: recordings for verification, predicted with the fitted values.
         drives: waveform of each of these recordings; None: `predict` takes only the recording.
         observed: name of the predicted channel, and its unit.
@@ -119,7 +128,7 @@ def compared(
     for i, law in enumerate(laws):
         progress(f"fitting {law.label}", i / len(laws))
         found = fit(law)
-        assert found.predict is not None  # every fit of a candidate can predict recordings
+        assert found.predict is not None
         residuals = [found.predict(r, *w) - m for r, w, m in zip(recordings, given, measured, strict=True)]
         parts = [goodness(r, m) for r, m in zip(residuals, measured, strict=True)]
         whole = goodness(np.concatenate(residuals), np.concatenate(measured), "verification", observed[1])

@@ -24,17 +24,17 @@ Bounds = Mapping[str, tuple[float | str, float | str]]
 
 
 class LinearBounds(NamedTuple):
-    """Bounds (lower, upper; SI or strings) of a parameter with a linear scale, even if both are positive. The
-    default, infinite bounds, stands for default bounds with a linear scale."""
+    """Bounds (`lower`, `upper`; SI or strings) of a parameter that is searched on a linear scale, even if
+    both are positive. Infinite bounds, the default, are replaced by default bounds with a linear scale."""
 
     lower: float = -math.inf
     upper: float = math.inf
 
 
 class SearchRange(NamedTuple):
-    """First search range of a parameter, SI, beyond which the search may continue as far as the law allows.
-
-    With `log` the search coordinate is the logarithm of value plus `shift`, otherwise the value.
+    """First search range of a parameter from `lower` to `upper`, SI, beyond which the search may continue as
+    far as the law allows. With `log` the search coordinate is the logarithm of (value + `shift`), otherwise
+    the value.
     """
 
     lower: float
@@ -50,7 +50,7 @@ class SearchRange(NamedTuple):
 
 
 class Squared(NamedTuple):
-    """Bounds, SI or strings, of a parameter whose search coordinate is its square."""
+    """Bounds (`lower`, `upper`; SI or strings) of a parameter whose search coordinate is its square."""
 
     lower: float
     upper: float
@@ -64,11 +64,11 @@ class Squared(NamedTuple):
 def exchangeable(
     law: Any, parameters: Sequence[Parameter], others: Sequence[Parameter]
 ) -> tuple[tuple[str, ...], ...]:
-    """Return groups of parameter names, one group for each alike element of a friction law; empty if there
-    are fewer than two.
+    """Return the names of stiffness and strength of each element of a Maxwell-slip law that can be exchanged
+    with the others; empty for other laws and for fewer than two such elements.
 
-    The force of a law with parallel elements stays the same if two elements are exchanged. An element is
-    included only if its stiffness and strength are free, without a prior, and no parameter is tied.
+    The force of parallel elements stays the same if two elements are exchanged. An element is included only
+    if its stiffness and strength are free, without a prior, and no parameter is tied.
 
     Args:
         law: friction law.
@@ -104,7 +104,7 @@ def parameter(model: Any, name: str, bounds: Bounds, along: Coordinate = LENGTH)
     start, quantity = value_of(model, name)
     if name in NORMAL_FIELDS and model.normal_force is None and name in bounds:
         low, high = given_bounds(bounds, name, quantity.unit if quantity else "") or (start, start)
-        start = 0.5 * (low + high)  # the model has no normal force, so no value to start from
+        start = 0.5 * (low + high)  # the model has no normal force, and so no initial value
     if quantity is None:
         ratio = ratios_of(law_of(model))[name]
         ends = (ratio.lower, ratio.upper)
@@ -136,7 +136,7 @@ def parameter(model: Any, name: str, bounds: Bounds, along: Coordinate = LENGTH)
 
 def _typical(law: Any, unit: str) -> float:
     """Return the typical size of a force (unit "N") or damping ("N s/m") whose initial value is zero, SI,
-    from the law's Coulomb force; 0 for other units or if the law has no such force."""
+    from the law's Coulomb force (or largest strength); 0 for other units or without such a force."""
     fields = law._asdict()
     force = float(np.max(fields.get("coulomb_force", fields.get("strength", 0.0))))
     return {"N": force, "N s/m": force / TYPICAL_SPEED}.get(unit, 0.0)
@@ -154,8 +154,8 @@ def check_motion(model: Any, unit: str) -> None:
 
 
 def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
-    """Return the model's value, SI, of one of `free_names`, and its `Quantity` (unit, limits); a ratio such
-    as "stiction_ratio" has None instead."""
+    """Return the model's value, SI, of one of `free_names`, and its `Quantity` (unit and limits); None
+    instead of the `Quantity` for a ratio such as "stiction_ratio"."""
     law = law_of(model)
     element, ratio = element_of(law, name), ratios_of(law).get(name)
     if ratio is not None and name not in law._fields:
@@ -172,9 +172,10 @@ class Said(NamedTuple):
 
     Attributes:
         free: names of the free parameters.
-        bounds, priors: bounds and priors by name.
-        tied: expressions of tied or fixed parameters by name.
-        values: initial values, SI, of parameters that were given as a `Parameter`.
+        bounds: bounds by name.
+        priors: value and standard deviation by name.
+        tied: expression of each tied parameter, or value with unit of each fixed one, by name.
+        values: initial values, SI, of free parameters that were given as a `Parameter`, by name.
     """
 
     free: list[str]
@@ -238,8 +239,8 @@ def _say(said: Said, p: Parameter, known: NamedValues) -> None:
 
 
 class NamedValues(NamedTuple):
-    """Values of a model with their units: all `names`, and a function `of` that takes a name and returns
-    value and unit."""
+    """Values of a model with their units: all `names`, and a function `of` from a name to the pair of value
+    (SI) and unit."""
 
     names: Sequence[str]
     of: Callable[[str], tuple[float, str]]
@@ -296,8 +297,8 @@ def beside(free: Sequence[str], tied: Mapping[str, str], known: NamedValues) -> 
 
 
 def with_ties(parameters: Sequence[Parameter], tied: Mapping[str, str] | None) -> list[Parameter]:
-    """Return the parameters of a fit in their order, those in `tied` (expressions by name) as tied
-    parameters.
+    """Return the parameters of a fit in their order, with those in `tied` (expressions by name; None: none
+    are tied) replaced by tied parameters.
 
     Raises:
         QuantityError: see `beside`.
@@ -310,8 +311,8 @@ def with_ties(parameters: Sequence[Parameter], tied: Mapping[str, str] | None) -
 
 
 def with_prior(p: Parameter, priors: Bounds) -> Parameter:
-    """Return the parameter with its prior from `priors`, which contains value and standard deviation by name,
-    in SI or as strings; unchanged if it has none there."""
+    """Return the parameter with its prior from `priors` (value and standard deviation by name, in SI or as
+    strings); unchanged if `priors` has none for the parameter."""
     if p.name not in priors:
         return p
     value, deviation = (to_si(given, p.unit, f"prior of {p.name}") for given in priors[p.name])
@@ -354,7 +355,7 @@ def linear(
 
 
 def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
-    """Return the bounds (lower, upper) of one parameter, converted to SI; None if it has none.
+    """Return the bounds (lower, upper) of one parameter, converted to SI; None without bounds for the name.
 
     Raises:
         QuantityError: the lower bound is not below the upper one, or a bound has a wrong unit.

@@ -19,10 +19,11 @@ from ..recording.chain import Chain
 
 
 def model_numbers(model: Actuator) -> dict[str, Any]:
-    """Return the fields of an actuator as dictionaries of value and unit for results.json; `model_of`
-    restores the actuator.
+    """Return an actuator as nested dictionaries for results.json; `model_of` restores the actuator.
 
-    Fields without a finite value, which are defaults, are left out.
+    Keys are "actuator", "friction" and, if present, "normal_force", "further_modes" and "piezo", each with
+    the fields as {"value", "unit"}; and the entries that name the law's type. Fields without a finite value,
+    which are defaults, are left out.
     """
     found = {
         "actuator": _fields(model),
@@ -36,8 +37,8 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
 
 
 def piezo_numbers(piezo: Piezo) -> dict[str, Any]:
-    """Return type and values of a piezo's hysteresis and creep models for results.json; parts that it lacks
-    are left out."""
+    """Return a piezo for results.json: for "hysteresis" and "creep" the type and "values", a dictionary of
+    fields as {"value", "unit"}; a part that the piezo lacks is left out."""
     return {
         part: {**registry.piezos.written(type(one)), "values": _fields(one)}
         for part, one in piezo._asdict().items()
@@ -56,14 +57,18 @@ def piezo_of(numbers: Mapping[str, Any]) -> Piezo:
 
 
 def chain_numbers(chain: Chain) -> dict[str, Any]:
-    """Return the fields of a chain (amplifier to samples) for results.json; an infinite slew rate, the
-    default, is left out."""
+    """Return the fields of a signal chain (amplifier to samples) for results.json, by name, as {"value",
+    "unit"}; an infinite slew rate, the default, is left out."""
     return _fields(chain)
 
 
 def chain_of(numbers: Mapping[str, Any]) -> Chain:
-    """Return the signal chain in the numbers of results.json; if they are of a fit of walks, a chain with its
-    delay and offset."""
+    """Return the signal chain in the numbers of results.json or, if they contain none, a chain with the
+    fitted delay and offset among their "parameters".
+
+    Raises:
+        QuantityError: a field is missing, out of range, or in a unit that it cannot have.
+    """
     if "signal_chain" in numbers:
         return _made(Chain, numbers["signal_chain"], "signal_chain")
     known = _entries(numbers.get("parameters", {}), "parameters")
@@ -107,14 +112,17 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
 
 
 def _made(record_type: Any, fields: Any, where: str, turns: bool = False, **given: Any) -> Any:
-    """Return a record of a type from the values and units that `_fields` wrote.
+    """Return an object of a record class from the values and units that `_fields` wrote.
 
     Args:
         record_type: class of the record.
-        fields: values and units by name; all with finite defaults must be present.
+        fields: values and units by name; fields with finite defaults must be present, too.
         where: place in the file for messages.
         turns: True for a rotary actuator, with angles and torques.
-        given: further fields of the record.
+        given: further fields of the record, by name.
+
+    Raises:
+        QuantityError: a field is missing, out of range, or in a unit that it cannot have.
     """
     entries = _entries(fields, where)
     for name, default in _written(quantities(record_type), record_type._field_defaults).items():

@@ -47,16 +47,19 @@ _TYPES: tuple[type, ...] = (
 
 
 def saved_types() -> dict[str, type]:
-    """Return the types of records that a saved fit may contain, by name: the fit, its parts, and the
+    """Return the classes of objects that a saved fit may contain, by class name: the fit, its parts, and the
     package's friction laws and piezo models."""
     return {one.__name__: one for one in _TYPES} | registry.laws.packaged() | registry.piezos.packaged()
 
 
 def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
-    """Save a complete fit as JSON: values, uncertainty, residuals, and its prediction.
+    """Save a complete fit as a JSON file: values, uncertainty, residuals, and its prediction.
+
+    An existing file is replaced as a whole.
 
     Raises:
-        FitError: the model is not from the package, or the file would be too large to read.
+        FitError: the fit contains an object that is not from the package (except a registered friction law),
+            or the file would be too large to read.
     """
     law = getattr(fit.model, "friction", fit.model)
     said = registry.laws.written(type(law)) if is_law(law) else {}
@@ -94,5 +97,5 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
         if not isinstance(fit, Fit):
             raise TypeError(f"but a {type(fit).__name__}")
         with np.errstate(all="ignore"):
-            repr(fit)  # raises an error if values, uncertainty and parameters do not match
+            repr(fit)  # a report of the fit fails if values, uncertainty and parameters do not match
         return fit

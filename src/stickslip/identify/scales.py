@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DRIVE = "drive_voltage"
-DIFFERENCE = 1e-3  # relative change of a channel's scale for numerical derivatives
+DIFFERENCE = 1e-3  # relative step of a channel's scale for numerical derivatives
 
 Array = NDArray[np.float64]
 
 
 def scale_uncertainty(recordings: Sequence[xr.Dataset], name: str) -> float:
-    """Return the relative standard uncertainty of a channel's scale, the largest of all recordings; 0 if one
-    of them has no attribute for it."""
+    """Return the relative standard uncertainty of a channel's scale, the largest of all recordings; 0 if any
+    recording lacks the channel or its attribute `scale_uncertainty`."""
     found = [float(one[name].attrs.get(SCALE_UNCERTAINTY, 0.0)) if name in one else 0.0 for one in recordings]
     return max(found) if min(found) > 0.0 else 0.0
 
@@ -46,13 +46,14 @@ def cause_of(name: str) -> str:
 
 
 def model_values(fit: Fit) -> Array:
-    """Return the model's values for all recordings, joined: residuals plus measured values, without noise."""
+    """Return the values of the fitted channel by the model, for all recordings, joined: measured values plus
+    residuals (model minus measured), in the unit of the data, shape (n,)."""
     return np.concatenate([x + r for x, r in zip(fit.measured, fit.residuals, strict=True)])
 
 
 class ByKnown(NamedTuple):
-    """Derivatives of a fit's residuals by quantities that it took as known, each of shape (samples of all
-    recordings,).
+    """Derivatives of a fit's residuals by quantities that the fit took as known, in the unit of the data,
+    each of shape (samples of all recordings,).
 
     Attributes:
         inputs: derivatives by the logarithm of the scale of each input channel, by the name of the channel.
@@ -70,15 +71,15 @@ def with_scales(
     stage: Fit | None = None,
     known: str = DRIVE,
 ) -> Fit:
-    """Return the fit with its systematic errors: from the scales of its own channels, and of those of an
-    earlier fit.
+    """Return the fit with its systematic errors (`systematics`), by scale errors of its own channels and of
+    the channels of an earlier fit.
 
     Args:
         fit: complete fit to the channel `fit.observed`.
         recordings: recordings of the fit; a variable's attribute `scale_uncertainty` is the relative standard
             uncertainty of its scale.
-        derivatives: function that returns the derivatives of the fit's residuals; it is called only if any
-            scale has an uncertainty.
+        derivatives: function from the fit to the derivatives of its residuals; called only if any scale has
+            an uncertainty.
         stage: earlier fit whose values this fit took as known or as a prior; None: there is no such fit.
         known: name of the input channel, which the model takes as exact.
     """

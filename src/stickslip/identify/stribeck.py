@@ -29,8 +29,11 @@ Array = NDArray[np.float64]
 
 TRIALS = 60  # number of Stribeck velocities, over the range of the points, that are tried as initial guess
 LEAST_EXCESS = 1e-3  # smallest initial guess of stiction minus Coulomb friction, over the largest force
-FALSE_ALARM = 0.01  # p-value of the fall of friction with speed above which the fit doubts the fall
-NEAR_ENDS = 3.0  # factor to the slowest or fastest point, within which a Stribeck velocity is uncertain
+# Largest p-value of the F-test at which the points show that friction falls with speed.
+FALSE_ALARM = 0.01
+# A Stribeck velocity below NEAR_ENDS times the slowest measured speed, or above the fastest divided by
+# NEAR_ENDS, is uncertain.
+NEAR_ENDS = 3.0
 UNPREDICTED = "it is of points of steady friction; its model is the law (fit.model) that a simulation takes"
 
 
@@ -57,11 +60,12 @@ def identify_stribeck(
 
     Returns:
         A `Fit` with coulomb_force [N], stiction_excess (stiction less Coulomb friction) [N],
-        stribeck_velocity [m/s] and sigma_2 [N s/m]; its `model` is the law, a `Stribeck`.
+        stribeck_velocity [m/s], sigma_2 [N s/m] and, if fitted, exponent and offset [N]. Its `model` is the
+        law, a `Stribeck`; `failures` say if the points do not show the fall of friction with speed.
 
     Raises:
-        FitError: the points are too few or not finite, the friction drives the motion (its sign is wrong), or
-            a deviation is not above 0.
+        FitError: the points are too few (6 at 4 speeds) or not finite, the friction drives the motion (its
+            sign is wrong), a deviation is not above 0, or an offset is requested for points of one sign.
         QuantityError: an expression in `tied` is wrong.
     """
     v, f, noise, remarks = _points(velocity, force, deviation)
@@ -159,11 +163,12 @@ def _curve(v: Array, values: dict[str, Any]) -> Array:
 def _start(
     v: Array, f: Array, noise: Array | None, exponent: float, offset: bool
 ) -> tuple[tuple[float, float, float, float], float]:
-    """Return the initial guess and the force offset [N].
+    """Return the initial guess, a tuple of four values, and the initial force offset [N] (0 without
+    `offset`).
 
-    The guess is Coulomb friction [N], stiction minus Coulomb friction [N], viscous friction [N s/m], and
-    Stribeck velocity [m/s]. Each of several Stribeck velocities is tried with the non-negative forces that
-    fit best.
+    The four values are Coulomb friction [N], stiction minus Coulomb friction [N], viscous friction [N s/m],
+    and Stribeck velocity [m/s]. `TRIALS` Stribeck velocities are tried, each with the non-negative forces
+    that fit best.
 
     Args:
         v: velocities, m/s.

@@ -32,9 +32,10 @@ from .walk.prediction import Predictor
 
 
 class Requirement(NamedTuple):
-    """Limit, in SI, of a figure of merit (a column of `Verification.table`) for every verified recording.
+    """Limit of a figure of merit that every verified recording must meet.
 
-    `relation` is ">", ">=", "<" or "<="; `unit` is the limit's unit, m or rad, and None for a plain number.
+    Fields: `figure`, a column of `Verification.table`; `relation`, ">", ">=", "<" or "<="; `limit`, SI;
+    `unit` of the limit, m or rad, and None for a plain number.
     """
 
     figure: str
@@ -48,7 +49,7 @@ class Requirement(NamedTuple):
         2 %".
 
         Raises:
-            QuantityError: the text has another form, or the unit is wrong or missing.
+            QuantityError: the text has another form or names another figure, or the unit is wrong or missing.
         """
         found = re.fullmatch(r"\s*([a-z_]+)\s*(>=|<=|>|<)\s*(.+?)\s*", text)
         if not found:
@@ -60,7 +61,7 @@ class Requirement(NamedTuple):
         if figure == "net_step_error" and limit.endswith("%"):
             return cls(figure, relation, to_si(limit[:-1], "", figure) / 100.0)
         unit = FIGURES[figure]
-        if unit and is_number(limit):  # a bare 100 would mean 100 m, which is always met
+        if unit and is_number(limit):  # without a unit, 100 would mean 100 m: a limit that is always met
             raise QuantityError(
                 f"{text.strip()!r} has no unit: write one behind the number, as in {figure} {relation} 100 "
                 f"nm (of what turns, {figure} {relation} 5 urad)"
@@ -74,8 +75,8 @@ class Requirement(NamedTuple):
         return bool(_RELATIONS[self.relation](value, self.limit))
 
     def broken(self, value: float, unit: str | None = None) -> str:
-        """Return the sentence that a value (SI) violates the limit, with enough digits to distinguish both;
-        `unit` is the unit of the value, by default that of the figure."""
+        """Return the sentence that a value (SI) violates the limit, with enough digits to distinguish value
+        and limit; `unit` is the SI unit of both, by default that of the figure (m)."""
         own = FIGURES[self.figure] if unit is None else unit
         ends = [[self._shown(x, own, digits) for x in (value, self.limit)] for digits in (5, 7, 9, 12)]
         apart = next((pair for pair in ends if pair[0] != pair[1]), ends[-1])
@@ -98,7 +99,7 @@ FIGURES = {
     "largest_error": "m",
     "net_step_error": "",
 }
-# Largest standard deviation of a residual, relative to its rms, at which the residual is called an offset.
+# Largest standard deviation of a residual about its mean, relative to its rms, that is called an offset.
 MOSTLY = 0.5
 _WHY_NOT = {
     "r_squared": "what was measured is constant",
@@ -118,8 +119,8 @@ class Verification:
         recordings: goodness of the prediction of each recording.
         predictions: for each recording, a dataset over "time" with measured, predicted and residual
             (predicted minus measured).
-        steps: net step per period of each recording, measured and predicted; NaN where the drive does not
-            repeat.
+        steps: for each recording the measured and the predicted net step per period, in `unit`; NaN without a
+            drive of two periods or more.
         lacks: comparison of each residual with the recording's noise, see `lack_of_fit`.
         remarks: sentences on recordings without separate noise, and on those that differ by a constant.
         unexplained: sentences on recordings without separate noise whose residual exceeds their white noise
@@ -147,7 +148,8 @@ class Verification:
 
     @property
     def r_squared(self) -> float:
-        """Return (SST - SSE)/SST over all recordings, each about its own mean [kang2007, appendix 6]."""
+        """Return (SST - SSE)/SST over all recordings: SST, the squares of the measured values about each
+        recording's mean; SSE, those of the residuals [kang2007, appendix 6]."""
         return pooled_r_squared(self.recordings)
 
     @property
@@ -231,8 +233,9 @@ class Verification:
     _repr_html_ = preformatted
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures of merit and the statements for JSON; numbers that do not exist (r^2 of a
-        constant, a net step) are None."""
+        """Return the results for JSON: "observed", "unit", "r_squared", "rmse", "recordings" (for each name
+        its figures of merit), "statements" and "drives" (both lists of sentences). Numbers that do not exist
+        (r^2 of a constant, a net step) are None."""
         return {
             "observed": self.observed,
             "unit": self.unit,
@@ -266,8 +269,8 @@ def _finite(number: float) -> float | None:
 
 
 def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: Any) -> float:
-    """Return the net displacement per period of a repeated drive, in the unit of the position; NaN with fewer
-    than two periods.
+    """Return the net displacement per period of a repeated drive, in the unit of the position; NaN without a
+    drive, or with fewer than two periods.
 
     The net displacement is the mean position over the last period minus the mean over the second, divided by
     the number of periods between them. With only two periods the first is used, although it starts at rest.

@@ -49,8 +49,10 @@ from ...waveform.signal import Waveform
 # range.
 CREEPING, SLOW, FAST = 1e-8, 1e-5, 1e-2
 _LOW, _HIGH = 0.1, 0.4  # ends of the oscillating load, relative to the sliding force
-_LOAD_SPRING, _LOAD_FREQUENCY = 50.0, 5.0  # N/m, Hz: softer than any contact, and slower than its resonance
-_PULL_SPRING, _PULL_SPEED = 1e3, 1e-3  # N/m, m/s: of the spring in `_breakaway`
+# Spring [N/m] that loads the mass in `_drift`, softer than any contact, and frequency of the load [Hz], far
+# below the mass's resonance.
+_LOAD_SPRING, _LOAD_FREQUENCY = 50.0, 5.0
+_PULL_SPRING, _PULL_SPEED = 1e3, 1e-3  # stiffness [N/m] and speed [m/s] of the spring in `_breakaway`
 _PERIODS = 8  # number of simulated periods of the drive
 
 
@@ -58,10 +60,13 @@ _PERIODS = 8  # number of simulated periods of the drive
 class LawCharacter:
     """Results of the experiments of this module on one friction law.
 
-    Fields: `states`, number of internal states; `stiffness`, N/m, infinite for a rigid contact;
-    `elastic_range` and `presliding_range`, m; `stiction` and `stribeck_fall`, relative to the sliding force
-    (0 for none); `viscous`, N s/m; `drift`, m per cycle; `force_jump`, N (0 for a continuous force);
-    `net_step`, m per period; `solver_steps`, accepted and rejected steps of the solver.
+    Fields: `name` of the law; `states`, number of internal states; `stiffness` in presliding, N/m, infinite
+    for a rigid contact; `elastic_range`, widest displacement without dissipation, m; `presliding_range`,
+    displacement to 99 % of the sliding force, m; `stiction`, breakaway force over sliding force less 1;
+    `stribeck_fall`, slow over fast sliding force (without viscous friction) less 1; `viscous` friction, N
+    s/m; `drift` under a load below breakaway, m per cycle; `force_jump`, N (0 for a continuous force);
+    `net_step` of the actuator, m per period; `solver_steps`, accepted and rejected steps of the solver in
+    eight periods.
     """
 
     name: str
@@ -79,8 +84,13 @@ class LawCharacter:
 
 
 def characterise_laws(laws: Mapping[str, Any], actuator: Actuator, waveform: Waveform) -> list[LawCharacter]:
-    """Return the results of the experiments of this module on each law, given by name. The last experiment
-    simulates the actuator with its periodic drive."""
+    """Return the results of the experiments of this module on each law, in the order of `laws`.
+
+    Args:
+        laws: friction laws by name.
+        actuator: actuator of the last experiment, whose law is replaced.
+        waveform: periodic drive of this actuator.
+    """
     return [_character(name, law, actuator, waveform) for name, law in laws.items()]
 
 
@@ -95,9 +105,9 @@ def example_laws(
 
     Args:
         contact: a LuGre contact, such as the one of [kang2007].
-        stiction_force: N, for the laws that have one; by default 1.3 F_C.
-        stribeck_velocity: m/s.
-        sigma_2: N s/m, for the laws with viscous friction.
+        stiction_force: stiction of the laws that have one, N; by default 1.3 F_C.
+        stribeck_velocity: Stribeck velocity of the laws that have one, m/s.
+        sigma_2: viscous friction of the laws that have it, N s/m.
     """
     sigma_2 = to_si(sigma_2, "N s/m", "sigma_2")
     stribeck_velocity = to_si(stribeck_velocity, "m/s", "stribeck_velocity")
@@ -108,7 +118,7 @@ def example_laws(
     stribeck = {"stiction_force": f_s, "stribeck_velocity": stribeck_velocity}
     shares = np.array(
         [[0.57, 0.29, 0.14], [0.37, 0.37, 0.26]]
-    )  # shares of stiffness and of strength: soft elements yield last
+    )  # shares of the elements of Maxwell slip in stiffness and in strength: soft elements yield last
     return {
         "Coulomb": Coulomb(f_c),
         "Coulomb + viscous": CoulombViscous(f_c, sigma_2),
@@ -151,7 +161,8 @@ def _force(law: Any, position: NDArray[np.float64], speed: float) -> NDArray[np.
     """Return the friction force [N] at positions [m] that are passed in this order at a constant speed
     [m/s]."""
     time = np.append(0.0, np.cumsum(np.abs(np.diff(position)) / speed))
-    # In steady sliding the deflection is constant within the tolerance; σ₁ multiplies its remaining rate.
+    # In steady sliding the deflection is constant only within the tolerance, and σ₁ multiplies the rate of
+    # its remaining changes; hence the small tolerance [m].
     return friction_response(law, time, position, tolerance=1e-15)["friction_force"].values
 
 
@@ -162,8 +173,8 @@ def _steady_force(law: Any, speed: float) -> float:
 
 
 def _stiffness(law: Any) -> float:
-    """Return the stiffness of the contact from rest: the slope of the force over a first small displacement.
-    It is infinite if a tenth of the displacement gives more than half of the force."""
+    """Return the stiffness of the contact from rest, N/m: the slope of the force over a displacement of 0.1
+    nm. The stiffness is infinite if a tenth of this displacement gives more than half of the force."""
     way = np.array([0.0, 1e-11, 1e-10])
     _, near, far = _force(law, way, CREEPING)
     return math.inf if near > 0.5 * far else float((far - near) / (way[2] - way[1]))
@@ -198,12 +209,12 @@ def _presliding_range(law: Any, z_c: float) -> float:
 
 
 def _breakaway(law: Any, sliding: float) -> float:
-    """Return the largest friction force [N] while a slowly pulled spring sets a mass in motion. `sliding` [N]
-    is the sliding force of the law, which gives the duration of the experiment."""
+    """Return the largest friction force [N] before the first slip of a mass that a spring pulls slowly (the
+    force at breakaway). `sliding` [N] is the sliding force, which gives the duration of the experiment."""
     model = PulledSlider(mass=0.1, spring_stiffness=_PULL_SPRING, damping=0.0, friction=law)
     until = 2.0 * sliding / (_PULL_SPRING * _PULL_SPEED)
-    # Not checked for convergence: the motion after the first slip is not used, and no tolerance resolves its
-    # jerks.
+    # The simulation is not checked for convergence: the motion after the first slip is not used, and no
+    # tolerance resolves its jerks.
     samples = follow_model(model, Ramp(_PULL_SPEED, unit="m"), np.arange(0.0, until, 5e-5)).samples
     before = samples[:, SLIDER + 1] < 0.1 * _PULL_SPEED
     first_slip = int(np.argmin(before)) if not before.all() else before.size
@@ -211,8 +222,8 @@ def _breakaway(law: Any, sliding: float) -> float:
 
 
 def _drift(law: Any, sliding: float, cycles: int = 6) -> float:
-    """Return the displacement [m] in the last of `cycles` cycles of a load between 10 % and 40 % of the
-    sliding force."""
+    """Return the displacement [m] of a mass in the last of `cycles` cycles of a load that oscillates between
+    10 % and 40 % of the sliding force `sliding` [N]."""
     stretch, rise = sliding / _LOAD_SPRING, 0.2
     drive = Sequence(
         Ramp(_LOW * stretch / rise, rise_time=rise, unit="m"),
@@ -237,7 +248,7 @@ def _force_jump(law: Any, amplitude: float) -> float:
     differences = []
     for samples in (2000, 8000):
         phase = np.linspace(0.0, 4.0 * math.pi, 2 * samples + 1)
-        position = amplitude * 0.5 * (1.0 - np.cos(phase))  # starts at rest
+        position = amplitude * 0.5 * (1.0 - np.cos(phase))  # the motion starts without velocity
         force = friction_response(law, phase / (10.0 * math.pi), position)["friction_force"].values
         differences.append(float(np.abs(np.diff(force[1:])).max()))
     coarse, fine = differences

@@ -33,8 +33,8 @@ from ...waveform.signal import Waveform
 class Limit:
     """A friction law that becomes another one in a limit.
 
-    Fields: the names of both, the `condition` in words, and the largest `difference` [m] between the
-    end-effector's positions that the two laws give.
+    Fields: the names of the law (`law`) and of the other one (`becomes`), the `condition` of the limit in
+    words, and the largest `difference` [m] between the end-effector's positions with these two laws.
     """
 
     law: str
@@ -52,7 +52,7 @@ def compare_limits(
     Args:
         actuator: its friction must be a `LuGre` contact, whose values all laws share.
         waveform: a periodic drive.
-        stiction_force: N, for the laws that have one; by default 1.3 F_C.
+        stiction_force: stiction of the laws that have one, N; by default 1.3 F_C.
     """
     stiction = optional_si(stiction_force, "N", "stiction_force")
     contact = actuator.friction

@@ -9,12 +9,14 @@ from ...quantities.units import with_prefix
 from .laws import LawCharacter
 from .limits import Limit
 
-# Smallest share of the sliding force, and smallest length (m), that are shown.
+# Stiction and Stribeck effect up to _NO_SHARE of the sliding force are shown as "no", a drift up to
+# _NO_LENGTH [m] as 0.
 _NO_SHARE, _NO_LENGTH = 5e-3, 1e-12
 
 
 def laws_as_markdown(rows: Iterable[LawCharacter]) -> str:
-    """Return a Markdown table with one row per friction law; its columns are the fields of `LawCharacter`."""
+    """Return a Markdown table with one row per friction law and its results. The columns are the fields of
+    `LawCharacter`, with stiffness, elastic range and presliding range in one column."""
     heads = (
         "law",
         "states",

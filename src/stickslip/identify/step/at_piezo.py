@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 
 class VoltageRamp(NamedTuple):
-    """A linear part of the step behind the hysteresis: its height [V], its start after the step [s] and its
-    duration [s]; 0 for a jump."""
+    """A linear part of the step behind the hysteresis: its `height` [V], its start `begin` after the step
+    [s], and its duration `rise` [s], 0 for a jump."""
 
     height: float
     begin: float
@@ -31,7 +31,8 @@ class VoltageRamp(NamedTuple):
 
 
 def check_known(piezo: Piezo | None) -> None:
-    """Raise QuantityError for a model whose steps have no closed form."""
+    """Raise QuantityError for a piezo model whose steps have no closed form: a hysteresis other than
+    `PrandtlIshlinskii`, or a creep other than `Creep`."""
     if piezo is None:
         return
     for part, known in ((piezo.hysteresis, PrandtlIshlinskii), (piezo.creep, Creep)):
@@ -43,8 +44,14 @@ def check_known(piezo: Piezo | None) -> None:
 
 
 def ramps(piezo: Piezo | None, voltage: float, rest: float, slew_rate: float | None) -> list[VoltageRamp]:
-    """Return the ramps of a step from `rest` [V], reached from 0 V, by `voltage` [V], at the slew rate [V/s]
-    if it is known."""
+    """Return the ramps, in order of time, that a step becomes behind the hysteresis of a piezo.
+
+    Args:
+        piezo: model of the piezo; None: no hysteresis.
+        voltage: height of the step, V.
+        rest: voltage before the step, V, reached from 0 V.
+        slew_rate: slew rate of the step, V/s; None: the step is a jump, and the result is one jump.
+    """
     path, levels = np.array([rest, rest + voltage]), np.array([rest, rest + voltage])
     if piezo is not None and piezo.hysteresis is not None:
         law = piezo.hysteresis
@@ -84,7 +91,8 @@ def response(
         rising, later = (time > 0.0) & (time < end), time >= end
 
         def integral(since: Array) -> Array:
-            """Return the integral of the response to a step of 1 V."""
+            """Return the integral over time, V s, of the response to a step of 1 V, at times since the step
+            [s]; 0 before."""
             after = np.maximum(since, 0.0)
             return level * after + np.real(np.expm1(after[..., None] * p) @ (c / p))
 
@@ -102,13 +110,14 @@ def response(
 
 
 def _with_creep(creep: Creep | None, c: NDArray, p: NDArray) -> tuple[float, NDArray, NDArray]:
-    """Return final value, coefficients and poles [1/s] of the step response of dynamics behind creep. `c` and
-    `p` are the coefficients and poles of the step response of the dynamics alone."""
+    """Return the final value, and coefficients and poles [1/s] of the decaying exponentials, of the unit step
+    response of dynamics behind creep. `c` and `p` are those of the dynamics alone; creep None changes
+    nothing."""
     if creep is None:
         return 1.0, c, p
     tau, shares = np.array(creep.time_constants), np.array(creep.shares)
     behind = c / (1.0 + tau[:, None] * p)
-    own = -1.0 - behind.sum(axis=1)  # the response of each creep term starts at 0
+    own = -1.0 - behind.sum(axis=1)  # coefficient of each creep term, whose response must start at 0
     return (
         1.0 + float(shares.sum()),
         np.append(c + shares @ behind, shares * own),

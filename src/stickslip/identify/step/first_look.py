@@ -20,20 +20,21 @@ from ...recording import RecordingError
 from .linear import second_order_poles, step_response
 from .recorded_step import StepTest
 
-# Angular frequency multiplied by the time from a quarter to three quarters of the rise: 0.6 without damping,
-# 1.7 with critical damping.
+# First estimate of the angular frequency multiplied by the time from a quarter to three quarters of the rise.
+# The product is 0.6 without damping and 1.7 with critical damping.
 CROSSED = 0.9
-# Tried multiples of the first frequency, because a slow amplifier or sensor may hide how fast the stage is.
+# Multiples of the first estimate of the frequency, and damping ratios, that are tried. A slow amplifier or
+# sensor may hide how fast the stage is, so most multiples are above 1.
 FACTORS = np.geomspace(0.3, 8.0, 13)
 DAMPINGS = np.geomspace(2e-3, 2.5, 12)
-# Number of spectral peaks that are tried, and their range relative to the first frequency.
+# Number of spectral peaks that are tried (PEAKS), and their range relative to the first estimate (ABOUT).
 PEAKS, ABOUT = 3, (0.2, 12.0)
-# Periods of the first frequency that are examined, and largest number of samples: for the choice, and for its
-# refinement.
+# PERIODS: examined duration after the rise, in periods of the first estimate. Largest number of samples for
+# the choice of a response (CHOSEN_BY) and for its refinement by least squares (POLISHED_BY).
 PERIODS, CHOSEN_BY, POLISHED_BY = 60.0, 1200, 5000
-# Largest damping ratio at which the period of the vibration is visible.
+# Largest damping ratio at which a vibration is visible; stronger damping counts as this one for the period.
 LARGEST_RINGING = 0.8
-# Fewest periods that a recording must last after its rise: to the peak and half-way back.
+# Fewest periods that a recording must last after the delay: to the first peak and half-way back.
 LEAST_AFTER = 0.75
 # Smallest detectable rise, in standard deviations of the noise at rest.
 SEEN = 4.0
@@ -42,8 +43,8 @@ Array = NDArray[np.float64]
 
 
 class Look(NamedTuple):
-    """Parameters of a second-order response: natural frequency [rad/s], damping ratio, and delay after the
-    step [s]."""
+    """Parameters of a second-order response: `natural_frequency` [rad/s], `damping_ratio`, and `delay` after
+    the step [s]."""
 
     natural_frequency: float
     damping_ratio: float
@@ -51,7 +52,7 @@ class Look(NamedTuple):
 
     @property
     def decay(self) -> float:
-        """Return the rate of the slowest decay, 1/s."""
+        """Return the rate at which the slowest part of the response decays, 1/s."""
         zeta = self.damping_ratio
         return self.natural_frequency * (zeta if zeta < 1.0 else 1.0 / (zeta + math.sqrt(zeta**2 - 1.0)))
 
@@ -63,12 +64,14 @@ class Look(NamedTuple):
         return 2.0 * math.pi / (self.natural_frequency * math.sqrt(1.0 - zeta**2))
 
 
-# Function that returns the response to a step with a gain of 1, for a guess of its parameters.
+# Type of a function that takes a recorded step and the parameters of a second-order response, and returns the
+# response to this step with a gain of 1, in V, shape (n,).
 Response = Callable[[StepTest, Look], Array]
 
 
 def plain(test: StepTest, look: Look) -> Array:
-    """Return the second-order response with a gain of 1, without piezo, amplifier and filter, shape (n,)."""
+    """Return the second-order response to the step with a gain of 1, V, shape (n,), without piezo, amplifier
+    and filter."""
     poles = second_order_poles(look.damping_ratio, look.natural_frequency)
     return test.voltage * step_response(test.time - look.delay, poles)
 
@@ -126,8 +129,16 @@ def common_look(tests: Sequence[StepTest], looks: Sequence[Look]) -> int:
 
 
 def _crossing(test: StepTest) -> tuple[float, float, tuple[float, float]]:
-    """Return the duration of the middle half of the rise [s], the time after the step at which it is half
-    [s], and the position before the step with the height of the rise [m]."""
+    """Return three results on the rise of a recorded step.
+
+    Returns:
+        The duration from a quarter to three quarters of the rise [s]; the time after the step at which half
+        of
+            the rise is reached [s]; and the pair of position before the step and height of the rise [m].
+
+    Raises:
+        RecordingError: there are no samples before or after the step, or the rise is not above the noise.
+    """
     t, x = test.time, test.position
     before, after = x[t <= 0.0], x[t > 0.0]
     if before.size < 2 or after.size < 2:
@@ -169,8 +180,8 @@ def _rings(test: StepTest, half: float, rise: float, angular: float) -> list[flo
 
 
 def _thinned(test: StepTest, most: int) -> StepTest:
-    """Return the recording without samples before its step, thinned to about `most` samples by taking every
-    n-th one."""
+    """Return the recording without samples before its step, and with every n-th sample only, so that about
+    `most` samples remain."""
     every = np.flatnonzero(test.time >= 0.0)
     every = every[:: max(every.size // most, 1)]
     return test._replace(time=test.time[every], position=test.position[every])
@@ -195,8 +206,8 @@ def _left(look: Look, test: StepTest, response: Response) -> Array:
 
 
 def _polished(look: Look, test: StepTest, rise: float, response: Response) -> Look:
-    """Return the closest response in the neighbourhood of an estimate, by least squares; `rise` is the height
-    of the recorded rise, m."""
+    """Return the second-order response closest to the recorded one, by least squares from the initial guess
+    `look`; `rise` is the height of the recorded rise, m."""
     w, zeta, delay = look
 
     def of(q: Array) -> Look:

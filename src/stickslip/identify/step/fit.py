@@ -39,10 +39,11 @@ from .formulas import Timing, classical, second_order, timing_of
 from .linear import filter_zeros_poles, second_order_poles
 from .recorded_step import POSITION, StepTest, step_tests
 
-# Length of the fitted window after the step, in peak times or in decay times, whichever is longer; later
-# samples only show the drift of the sensor.
+# Fitted duration after the step, in peak times (WINDOW) or in decay times (DECAYS), whichever is longer;
+# later samples only show the drift of the sensor.
 WINDOW, DECAYS = 8.0, 3.0
-# Length of the rest before the step, in windows: a longer rest hardly improves the estimate of the drift.
+# Fitted duration before the step, in durations after the step: a longer rest hardly improves the estimate of
+# the drift.
 REST = 8.0
 # First search range of damping ratios: from a good tuning fork to two poles a factor of 3600 apart.
 DAMPING_RATIOS = (1e-4, 30.0)
@@ -81,8 +82,8 @@ def identify_step(
             the stage, and drive_voltage [V] unless voltages and start are given.
         model: actuator for the result. Its `piezo`, taken as known and annealed before each step, is part of
             the model; the gain multiplies its output.
-        voltages: height of each step, V.
-        start: instant of the steps in the time of the recordings, s.
+        voltages: height of each step, V; by default from drive_voltage.
+        start: instant of the steps in the time of the recordings, s; by default from drive_voltage.
         filter: low-pass filter that the position went through, if it is known; its analogue counterpart is
             part of the model. Otherwise delay and lag approximate it.
         slew_rate: slew rate of the amplifier into the piezo, V/s, if known. By default the step is a jump.
@@ -153,8 +154,8 @@ def identify_step(
 
 
 def _by_drive(fit: Fit) -> ByKnown:
-    """Return the derivatives of a step fit by the scale of the drive: the model's response without offsets
-    and drifts."""
+    """Return the derivatives of a step fit's residuals by the scale of the drive, for `with_scales`: the
+    model's response without offsets and drifts."""
     assert fit.jacobian is not None
     level = [i for i, p in enumerate(fit.parameters) if p.name.startswith(("offset_", "drift_"))]
     own = fit.jacobian[:, level] @ [fit.values[fit.parameters[i].name] for i in level]
@@ -218,8 +219,8 @@ def _said_drifts(fit: Fit, unit: str) -> list[str]:
 
 
 class StepPrediction(NamedTuple):
-    """Prediction of a step response by the values of a fit; settings as in `identify_step`, `voltage` is the
-    height of the step."""
+    """Prediction of a step response by the `values` of a fit (by name, SI); the other fields are arguments of
+    `identify_step`. `voltage` is the height of every step, V; None: from drive_voltage."""
 
     values: Values
     filter: Filter | None
@@ -230,8 +231,8 @@ class StepPrediction(NamedTuple):
     piezo: Piezo | None = None
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
-        """Return the predicted position, m, shape (n,), without offset and drift; the step is that of the
-        recording."""
+        """Return the predicted position, m (rad), shape (n,), without offset and drift. The step is that of
+        the recording; `drive` is not used."""
         del drive
         voltages = None if self.voltage is None else [self.voltage]
         (test,) = step_tests(recording, voltages, self.start, self.observed)
@@ -251,8 +252,8 @@ def _within(test: StepTest, first: float, last: float) -> StepTest:
 def _begun(
     tests: Sequence[StepTest], timing: Timing | None, seen: Response | None
 ) -> tuple[list[dict[str, float]], Look]:
-    """Return the classical numbers of each step, and the initial guess of the fit. `seen` is the response
-    through known amplifier, piezo and filter; None if there are none."""
+    """Return the classical numbers of each step by name, and the initial guess of the fit. `seen` is the
+    response through known amplifier, piezo and filter; None if none of these is known."""
     tests = [_straightened(test) for test in tests]
     if timing is not None:
         first = [classical(test, timing) for test in tests]
@@ -264,7 +265,8 @@ def _begun(
 
 
 def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
-    """Return the mean of the steps' classical numbers (by name) as parameters of a second-order response."""
+    """Return the second-order response with the mean of the steps' classical numbers (by name); without an
+    overshoot, a critically damped one with about the same peak time."""
     names = ("natural_frequency", "damping_ratio", "delay", "peak_time")
     omega, zeta, delay, peak = (float(np.mean([row[name] for row in first])) for name in names)
     if not np.isfinite(zeta):  # no overshoot: the time of the peak is determined by noise
@@ -278,12 +280,8 @@ def _seen(response: Callable[[StepTest, Values], Array]) -> Response:
 
 
 def _reach(first: Sequence[dict[str, float]], look: Look) -> float:
-    """Return the fitted duration after the step, s.
-
-    Args:
-        first: classical numbers of each step, by name.
-        look: initial guess of the second-order response.
-    """
+    """Return the fitted duration after the step, s, from the classical numbers `first` of each step (by name)
+    and the second-order response `look`."""
     return max(WINDOW * float(np.mean([row["peak_time"] for row in first])), look.delay + DECAYS / look.decay)
 
 
@@ -311,7 +309,7 @@ def _response(
     filter: Filter | None, slew_rate: float | None, piezo: Piezo | None
 ) -> Callable[[StepTest, Values], Array]:
     """Return a function for the response of the position channel to a step, relative to the position before
-    it, m, shape (n,). Its arguments are the recorded step and the values of the parameters by name."""
+    the step, m (rad), shape (n,). Its arguments are the recorded step and the parameters by name, SI."""
     zeros, known = filter_zeros_poles(filter) if filter else ([], [])
     stepped = piezo_response(piezo, slew_rate)
 
@@ -346,15 +344,16 @@ def step_formula_errors(
     Args:
         fit: fit of `identify_step`.
         recordings: recordings of the fit.
-        voltages, start, timing: as for the fit; by default, times and start are those of the second-order
-            response most similar to the fitted one.
+        voltages, start, timing: as for the fit; by default the times and the start of the rise come from the
+            second-order response most similar to the fitted one.
         n: number of noisy repetitions.
         seed: seed of the random noise.
 
     Returns:
-        Over "parameter" `fitted`, `by_sensor` and `by_noise` (both formula minus truth, in the parameter's
-        unit), and `scatter`, the standard deviation of the formula's result; over the repetitions in which
-        the formulas give a result; NaN if there are none.
+        Dataset over "parameter" (damping_ratio, natural_frequency, gain): `fitted`, the true value;
+        `by_sensor` and `by_noise`, mean errors of the formula; and `scatter`, the standard deviation of its
+        result; all in the parameter's unit. The last two are over the repetitions in which the formulas give
+        a result; NaN without any.
     """
     tests = step_tests(recordings, voltages, start, observed=fit.observed)
     assert fit.predict is not None  # identify_step always provides it

@@ -18,10 +18,10 @@ from ..recorded.channels import recordings_of, unit_of
 from .first_look import Look, first_look
 from .recorded_step import POSITION, StepTest, step_tests
 
-# Fewest samples from the rise to the peak.
+# Fewest samples from the start of the rise to the peak.
 FEWEST_TO_PEAK = 6
-# Fewest samples in the two or three natural periods until the response has settled; with fewer, the rise is
-# not resolved.
+# Fewest samples from the step until the response has settled (two or three natural periods); with fewer, the
+# rise is not resolved.
 FEWEST_IN_RISE = 8
 
 Array = NDArray[np.float64]
@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 
 @record
 class Timing(NamedTuple):
-    """Times at which the classical numbers are read; the bias is the mean of the two samples before the
-    rise."""
+    """Times, in s, at which the classical numbers of a step are read. The position before the step (the bias)
+    is the mean of the two samples at the start of the rise."""
 
     steady_after: Annotated[
         float, Quantity("s", "", "time from the rise until the motion has settled", above=0.0)
@@ -47,7 +47,7 @@ class Timing(NamedTuple):
 
 
 THESIS = Timing()
-# Number of decay times until a response has settled (0.1 %).
+# Time until a response has settled (to 0.1 %), in decay times.
 SETTLED = 7.0
 
 
@@ -75,12 +75,13 @@ def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dic
     Args:
         test: recorded step.
         timing: times at which the numbers are read.
-        delay: delay of the sensor, s; by default the start of the rise.
+        delay: time from the step to the start of the rise, s; by default estimated from the rise.
 
     Returns:
-        voltage [V], delay [s], bias and steady_value [m], peak_time [s], overshoot (a fraction),
-        damping_ratio, natural_frequency [rad/s] and gain [m/V]. Damping ratio and natural frequency are NaN
-        without overshoot.
+        voltage [V], delay [s], bias (position before the step) and steady_value (height of the rise) [m],
+        peak_time after the start of the rise [s], overshoot (a fraction of steady_value), damping_ratio,
+        natural_frequency [rad/s] and gain [m/V]. Damping ratio and natural frequency are NaN without
+        overshoot.
 
     Raises:
         RecordingError: the recording is too short, too coarsely sampled, or does not rise out of its noise.
@@ -133,7 +134,7 @@ def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dic
 def second_order(overshoot: float, peak_time: float) -> tuple[float, float]:
     """Return damping ratio and natural frequency [rad/s] from overshoot (a fraction) and peak time [s].
 
-    Both are NaN without an overshoot.
+    Both are NaN for an overshoot that is not between 0 and 1.
     """
     if not (0.0 < overshoot < 1.0 and peak_time > 0.0):
         return math.nan, math.nan
@@ -143,9 +144,20 @@ def second_order(overshoot: float, peak_time: float) -> tuple[float, float]:
 
 
 def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
-    """Return the start of the rise of positions x [m] at times t after the step [s], s. The rise starts as a
-    parabola, so the times from its start to 5 and 20 % are in the ratio 1 to 2. `where` names the
-    recording."""
+    """Return the time from the step to the start of the rise, s.
+
+    The rise starts as a parabola, so the times from its start to 5 and 20 % are in the ratio 1 to 2.
+
+    Args:
+        t: times after the step, s, [n].
+        x: positions, m, [n].
+        where: name of the recording in errors.
+        timing: times at which the response has settled.
+
+    Raises:
+        RecordingError: there are no samples before the step or after settling, or the rise is not above the
+            noise.
+    """
     before = x[t <= 0.0]
     settled = t - timing.rise_at - timing.steady_after
     level = x[(settled >= 0.0) & (settled <= timing.steady_over)]
@@ -163,7 +175,8 @@ def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
     share = (x - rest) / rise
     half = int(np.flatnonzero((t > 0.0) & (share >= 0.5))[0])
     times = []
-    for part in (0.2, 0.05):  # the last crossing before the rise itself, because noise can cause earlier ones
+    for part in (0.2, 0.05):
+        # The last crossing before half of the rise counts, because noise can cause earlier ones.
         below = int(np.flatnonzero(share[:half] < part)[-1])
         times.append(float(np.interp(part, share[below : below + 2], t[below : below + 2])))
     return 2.0 * times[1] - times[0]
@@ -184,21 +197,23 @@ def step_features(
 
     Args:
         recordings: with end_effector_position [m], and drive_voltage [V] unless voltages and start are given.
-        voltages: height of each step, V.
-        start: instant of the step in the time of the recordings, s.
-        delay: delay of the sensor, s; by default that of each recording, from the start of its rise.
-        timing: where the numbers are read. By default the peak is looked for within one period of the
-            vibration of each recording, and the level is the mean over one period after it has decayed.
-            `Timing()` has the times of the thesis.
+        voltages: height of each step, V; by default from drive_voltage.
+        start: instant of the step in the time of the recordings, s; by default from drive_voltage.
+        delay: time from the step to the start of the rise, s; by default estimated from each rise.
+        timing: times at which the numbers are read. By default the peak is searched within one period of the
+            vibration of each recording, and the steady value is the mean over one period after the vibration
+            has decayed. `Timing()` has the times of [kang2007].
         observed: name of the position channel.
 
     Returns:
-        A dataset of these numbers over "recording"; in `attrs` damping_ratio, natural_frequency and gain from
-        the mean overshoot and the mean peak time, as the thesis averages them, and r_squared of this model.
-        `r_squared` of each is over `peak_within` of its own numbers.
+        A dataset over "recording" of the numbers of `classical`, and r_squared of each recording's own
+        second-order system over the time `peak_within` after the start of its rise. In `attrs`:
+        damping_ratio and natural_frequency from the mean overshoot and the mean peak time, as [kang2007]
+        averages them, the mean gain, and the mean r_squared of this common system.
 
     Raises:
-        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
+        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled; the
+            drive is not a single step; or the rise is not above the noise.
     """
     delay = optional_si(delay, "s", "delay")
     tests = step_tests(recordings, voltages, start, observed)

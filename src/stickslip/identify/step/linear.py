@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...physics.electronics import Filter
 
-# Equal poles are separated by this relative distance, because the sum of exponentials has no term for a
-# double pole.
+# Relative distance by which equal poles are separated, because a sum of exponentials has no term for a double
+# pole.
 APART = 1e-5
 
 
@@ -22,7 +22,8 @@ def second_order_poles(damping_ratio: float, natural_frequency: float) -> list[c
 
 
 def filter_zeros_poles(low: Filter) -> tuple[list[complex], list[complex]]:
-    """Return zeros and poles, rad/s, of the analogue counterpart of a low-pass filter."""
+    """Return the list of zeros and the list of poles, rad/s, of the analogue counterpart of a low-pass
+    filter."""
     omega = 2.0 * np.pi * low.corner
     order = int(low.order)
     designs = {
@@ -38,13 +39,14 @@ def filter_zeros_poles(low: Filter) -> tuple[list[complex], list[complex]]:
 def step_response(
     t: ArrayLike, poles: list[complex], zeros: list[complex] | None = None, rise: float = 0.0
 ) -> NDArray[np.float64]:
-    """Return the response [n] at times t [s] to a unit step at 0, or to a ramp from 0 to 1 within `rise` s.
+    """Return the response, shape (n,), of a system with a static gain of 1 to a unit step at t = 0, or to a
+    ramp from 0 to 1 within `rise` s; 0 before the step.
 
     Args:
         t: times, s, shape (n,).
-        poles: rad/s, with negative real parts.
-        zeros: rad/s.
-        rise: duration of the ramp, s.
+        poles: poles of the system, rad/s, with negative real parts.
+        zeros: zeros of the system, rad/s; None: no zeros.
+        rise: duration of the ramp, s; 0: a step.
     """
     time = np.asarray(t, dtype=float)
     c, p = one_of_pairs(*residues(poles, zeros))
@@ -56,8 +58,8 @@ def step_response(
 def residues(
     poles: list[complex], zeros: list[complex] | None = None
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return the coefficients c and poles p [rad/s] of a unit step response 1 + sum of c exp(p t); equal
-    poles are slightly separated."""
+    """Return the coefficients c and poles p [rad/s] of the unit step response 1 + sum of c exp(p t) of a
+    system with these poles and zeros [rad/s] and a static gain of 1; equal poles are slightly separated."""
     p = np.array(poles, dtype=complex)
     for i in range(1, p.size):
         while np.min(np.abs(p[:i] - p[i])) < 0.5 * APART * abs(p[i]):
@@ -71,8 +73,8 @@ def residues(
 def one_of_pairs(
     c: NDArray[np.complex128], p: NDArray[np.complex128]
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return one of each conjugate pair of poles with twice its coefficient; the real part of the sum stays
-    the same."""
+    """Return coefficients and poles with only one of each conjugate pair, with twice its coefficient: the
+    real part of the sum of c exp(p t) stays the same."""
     paired = np.isin(p, p.conj()) & (p.imag != 0.0)
     kept = ~paired | (p.imag > 0.0)
     return np.where(paired, 2.0 * c, c)[kept], p[kept]

@@ -17,22 +17,26 @@ if TYPE_CHECKING:
 
 POSITION = "end_effector_position"
 
-# Share of a step's height at which the drive has left one level, or not yet reached the other.
+# Distance from a level, as a share of the step's height, at which the drive has left the level.
 LEFT = 0.05
-# Longest rise of a step, as a share of the recording.
+# Longest rise of the drive that counts as a step, as a share of the recording.
 LONGEST_RISE = 0.1
 
 Array = NDArray[np.float64]
 
 
 class StepTest(NamedTuple):
-    """One recording of a step: the height of the step, and the samples."""
+    """One recording of a step.
+
+    Fields: `name` of the recording; `time` of the samples since the step, s, [n]; `position`, m (rad), [n];
+    `voltage`, the height of the step, V; `rest`, the drive voltage before the step, V (0 if not recorded).
+    """
 
     name: str
-    time: Array  # s, time since the step
-    position: Array  # m
-    voltage: float  # V, height of the step
-    rest: float = 0.0  # V, before the step, if the drive is recorded
+    time: Array
+    position: Array
+    voltage: float
+    rest: float = 0.0
 
 
 def step_tests(
@@ -51,8 +55,8 @@ def step_tests(
         observed: name of the position channel.
 
     Raises:
-        RecordingError: a channel is missing, too short, constant or clipped, or its drive is not a single
-            step.
+        RecordingError: a channel is missing, too short, constant or clipped; the drive is not a single step;
+            the step has the height 0 V or lies outside the recording; or the number of voltages is wrong.
         QuantityError: a voltage or the start is not a number, or has another unit.
     """
     start = optional_si(start, "s", "start")
@@ -82,8 +86,8 @@ def step_tests(
 
 
 def _step_of(u: Array, time: Array, where: str) -> tuple[float, float]:
-    """Return instant [s] and height [V] of the only step of a drive u [V] at times [s]; `where` names the
-    recording in errors.
+    """Return instant [s] and height [V] of the only step of a drive u [V] at times [s]. Raises RecordingError
+    for another drive; `where` names the recording.
 
     A jump within one interval is at the next sample, because a converter holds its value. A rise over several
     samples, as by an amplifier with a slew rate, starts where the line through them leaves the first level.
