@@ -1,8 +1,8 @@
 """stickslip: identify, verify, simulate and design piezoelectric stick-slip actuators.
 
-What daily work needs is here, everything else in sub-packages: ``ss.simulate``, ``ss.rig.VirtualRig``. Public
-names are listed, with their types, in ``__init__.pyi``; each is imported when it is first used, so that
-``import stickslip`` costs next to nothing.
+Names for daily work are in this package (``ss.simulate``), all others in sub-packages
+(``ss.rig.VirtualRig``). Public names are listed, with their types, in ``__init__.pyi``; each is imported when
+it is first used, so that ``import stickslip`` takes little time.
 """
 
 from ._lazy import attach as _attach

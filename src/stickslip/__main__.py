@@ -2,13 +2,15 @@
 
 import gc
 
-# New objects between two looks for unused ones. By Python's default these take a tenth of a command's time;
-# what they look through is mostly of modules, which stay.
+# Number of new objects after which Python's garbage collector searches for unused objects. With Python's
+# default, which is lower, the search takes a tenth of a command's time without finding much: most objects
+# belong to imported modules.
 NEW_OBJECTS = 10_000
 
 
 def main() -> None:
-    """Run it; Ctrl-C ends it quietly, also while it is being imported."""
+    """Run the command line; Ctrl-C ends the program without a traceback, also during the imports, with the
+    exit code 130."""
     gc.set_threshold(NEW_OBJECTS)
     try:
         from .cli import app
@@ -17,8 +19,9 @@ def main() -> None:
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     finally:
-        # Python kills itself by SIGINT at its end if a KeyboardInterrupt has ever left an `exec` of text, as
-        # libraries are full of, caught or not; it forgets that with the next.
+        # Without this line the exit code may be lost: if a KeyboardInterrupt has ever left an `exec` of a
+        # text, which many libraries use, Python ends itself by SIGINT. The next successful `exec` resets that
+        # state.
         exec("")
 
 

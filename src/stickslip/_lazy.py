@@ -10,9 +10,15 @@ import lazy_loader
 
 
 def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Return `__getattr__`, `__dir__` and `__all__` of a package.
+    """Return `__getattr__`, `__dir__` and `__all__` of a package whose names are imported when they are first
+    used.
 
-    An error names a missing extra, and the nearest name of a mistyped one.
+    Args:
+        package: name of the package (``__name__``).
+        file: path of its ``__init__.py``, beside the stub ``__init__.pyi`` that lists the names.
+
+    The returned `__getattr__` raises AttributeError with the most similar name for an unknown name, and
+    ModuleNotFoundError with the command to install a missing package.
     """
     imported, names, listed = lazy_loader.attach_stub(package, file)
 

@@ -4,7 +4,8 @@ Imports are inside the commands, so that ``stickslip --help`` does not load the 
 failed, 2 wrong input, 130 interrupted; an error is one line on stderr.
 """
 
-from .frame import app as app  # first, because this module reports that typer is missing
+# The module frame is imported first, because it reports an error if the package typer is missing.
+from .frame import app as app
 
 # isort: split
 from . import commands as commands

@@ -8,12 +8,13 @@ if TYPE_CHECKING:
     from ..physics.actuator import Actuator, PulledSlider
     from ..waveform.signal import Waveform
 
-# Fields of waveforms that have a separate option; all other fields are set by --set.
+# Fields of waveforms that have a command-line option of their own; all other fields are set by --set.
 OPTIONS = ("amplitude", "frequency", "periods")
 _OWNERS = ("friction", "waveform")
 _WRITE = "FIELD=VALUE, friction.FIELD=VALUE or waveform.FIELD=VALUE"
 _LAW = "another law is --law {value}; a value of the law, --set friction.FIELD=VALUE"
-# Names given to --set that are no fields of the model, each with advice on the right option.
+# Names that --set does not accept although users may try them, each with the advice for the error message.
+# "{value}" in the advice is replaced by the given value.
 _ELSEWHERE = {
     "friction": _LAW,
     "law": _LAW,
@@ -25,9 +26,14 @@ _ELSEWHERE = {
 
 
 def parts_of(changes: list[str]) -> dict[str, dict[str, str]]:
-    """Return the values of --set as {part: {field: text}}, for the parts model, friction and waveform.
+    """Return the values given by --set as {part: {field: text}}, for the parts "model", "friction" and
+    "waveform".
 
-    `changes` are texts such as "friction.sigma_0=1e6"; ValueError for a wrong one.
+    `changes` are texts such as "friction.sigma_0=1e6"; a field without "friction." or "waveform." belongs to
+    the model.
+
+    Raises:
+        ValueError: a text has another form, or a field is set by another option.
     """
     from ..quantities.places import assignment
 
@@ -44,7 +50,11 @@ def parts_of(changes: list[str]) -> dict[str, dict[str, str]]:
 
 
 def model_of(name: str) -> Actuator | PulledSlider:
-    """Load the model of a parameter set, by its name or file."""
+    """Load the model of a parameter set, by its name or file: an actuator or a pulled slider.
+
+    Raises:
+        ParameterSetError: there is no such set, or the file is wrong.
+    """
     from ..parameters import load_set
     from ..physics.actuator import load_actuator, load_pulled_slider
 
@@ -58,9 +68,13 @@ def changed_model(
 
     Args:
         parameters: name or file of the parameter set.
-        changes: new values of model fields, as texts.
-        friction: new values of fields of the friction law, as texts.
+        changes: new values of fields of the model by name, as texts with or without units.
+        friction: new values of fields of the friction law by name, likewise.
         law_name: another friction law, which keeps the values that both laws have; "" for the set's law.
+
+    Raises:
+        ParameterSetError: there is no such set, or the file is wrong.
+        ValueError: a field is unknown or missing, a value is out of range, or there is no such law.
     """
     from ..quantities import registry
 
@@ -78,7 +92,9 @@ def changed_model(
 
 
 def _read(text: str, record: Any, field: str) -> Any:
-    """Return the text as a value of the type of the record's field; the record checks it."""
+    """Return a text of the command line as a value for a field of a record (model or law): True or False for
+    a flag, a list of texts for a field with several numbers, otherwise the text itself. The record checks the
+    value later."""
     now = getattr(record, field, None)
     if isinstance(now, bool):
         return {"true": True, "yes": True, "false": False, "no": False}.get(text.lower(), text)
@@ -86,7 +102,8 @@ def _read(text: str, record: Any, field: str) -> Any:
 
 
 def shape_of(name: str) -> Any:
-    """Return the waveform type for a name such as "reverse-sawtooth", "ReverseSawtooth" or "FILE.py:NAME"."""
+    """Return the waveform class for a name such as "reverse-sawtooth", "ReverseSawtooth" or "FILE.py:NAME".
+    Raises RegistryError, a ValueError, for an unknown name."""
     from ..quantities.registry import own_path
     from ..waveform.signal import shape
 
@@ -96,9 +113,17 @@ def shape_of(name: str) -> Any:
 
 
 def drive_of(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) -> Waveform:
-    """Return the drive of a waveform type with these fields (texts); ValueError names a missing option.
+    """Return the waveform that drives a model.
 
-    The drive of an actuator is a voltage, that of a pulled slider a position.
+    The drive of an actuator is a voltage [V], that of a pulled slider a position [m].
+
+    Args:
+        name: name of the waveform's type, as for `shape_of`.
+        model: the model, which determines the unit of the drive.
+        fields: fields of the waveform by name, as texts with or without units.
+
+    Raises:
+        ValueError: a field is missing (the message names its option) or wrong, or there is no such type.
     """
     from ..physics.actuator import Actuator
     from ..quantities.records import quantities, sequences
@@ -116,7 +141,14 @@ def drive_of(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) 
 
 
 def names_to_set(parameters: str, law_name: str, waveform: str) -> list[str]:
-    """Return the fields that --set accepts for this model, law and drive."""
+    """Return the names of the fields that --set accepts, such as "end_effector_mass", "friction.sigma_0" or
+    "waveform.offset".
+
+    Args:
+        parameters: name or file of the parameter set.
+        law_name: name of another friction law; "" for the set's law.
+        waveform: name of the drive's type.
+    """
     from ..quantities import registry
     from ..quantities.records import quantities
 

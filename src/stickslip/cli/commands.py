@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from ..waveform.signal import Waveform
 
 
-MOST_SAMPLES = 10_000_000  # largest number of samples of a trajectory; its report needs memory for each
+# Largest number of samples of a trajectory, because its report needs memory for each sample.
+MOST_SAMPLES = 10_000_000
 _OF_THE_DEMO = "finished recordings and stages of its campaign are kept, and the same command continues"
 
 ModelChanges = Annotated[
@@ -112,7 +113,8 @@ def simulate(
         metres = to_si(tolerance, "m", "--tolerance")
         _check_samples(drive.duration if seconds is None else seconds, rate)
         with progress_bar() as progress, warnings.catch_warnings():
-            warnings.simplefilter("ignore", SimulationWarning)  # reported below in one line
+            # An incomplete simulation is reported at the end by one line.
+            warnings.simplefilter("ignore", SimulationWarning)
             progress("simulating", 0.0)
             charged = load_stack(stack) if stack else None
             trajectory = simulated(model, drive, seconds, sample_rate=rate, tolerance=metres, stack=charged)
@@ -129,8 +131,8 @@ def simulate(
 
 
 def _check_samples(seconds: float, rate: float) -> None:
-    """Raise an error if a trajectory of this length [s] and sample rate [Hz], with its report, does not fit
-    into memory."""
+    """Raise ValueError if a trajectory of a duration [s] and sample rate [Hz] has more than `MOST_SAMPLES`
+    samples, so that its report might not fit into memory."""
     count = seconds * rate
     if count > MOST_SAMPLES and math.isfinite(seconds):
         raise ValueError(
@@ -178,13 +180,16 @@ def run(
         check_output(out)
         from ..jobs import run_job
 
-        def keep(finished: Document) -> None:  # the job's own error is reported, not an unmet requirement
+        # Report on the finished steps if the job ends with an error. That error is shown to the user, and not
+        # that a requirement is not met.
+        def keep(finished: Document) -> None:
             with suppress(RequirementError):
                 write(finished, out, begun)
 
         with progress_bar() as progress, arming(arm):
             document = run_job(file, out, progress, figures=figures, kept=keep, changes=changes)
-        write(document, out, begun)  # keep also what a step has saved when the user interrupts it
+        # After an interruption by the user the document contains the finished steps, and it is written too.
+        write(document, out, begun)
 
 
 @app.command()
@@ -229,7 +234,8 @@ def campaign(
         from ..jobs.campaign import run_campaign
         from ..report import find_browser
 
-        browser = find_browser() if pdf else ""  # a missing browser is an error before the work
+        # The browser is searched before the work, so that a missing one is reported at once.
+        browser = find_browser() if pdf else ""
         with progress_bar() as progress, arming(arm):
             document = run_campaign(file, out, progress, figures=figures, changes=changes)
         write(document, out, begun, browser)
@@ -277,7 +283,8 @@ def verify(
         from ..jobs.analysis.verification import verification_analysis
 
         analysis, folder = verification_analysis(fit, recordings or [], require, column, unit, changes)
-        if recordings and analysis.notes:  # columns and units that were guessed from the file
+        # The notes name columns and units that were guessed from the recordings.
+        if recordings and analysis.notes:
             typer.echo(analysis.notes, err=True)
         with progress_bar() as progress:
             document = run_analysis(analysis, folder, progress)
@@ -347,7 +354,8 @@ def _citation(name: str) -> str:
     from ..physics.actuator import load_actuator, load_pulled_slider
     from ..quantities import registry
 
-    if name in available_sets() or name.endswith(".toml"):  # a parameter set prints more than its citation
+    # For a parameter set, values that its source does not state are printed too.
+    if name in available_sets() or name.endswith(".toml"):
         found = load_set(name)
         try:
             for text in (found.law, *(part.model for part in found.piezo.values())):

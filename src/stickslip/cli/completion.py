@@ -94,16 +94,21 @@ def _skeletons() -> Iterable[str]:
 
 
 def changes(context: typer.Context, incomplete: str) -> list[str]:
-    """Return completions of --set ("NAME=") for the parameter set, law and waveform given before it.
+    """Return completions of the option --set ("NAME="): fields of the parameter set, law and waveform that
+    are given in the same command line.
 
-    `incomplete` is the text typed so far.
+    Args:
+        context: typer's state of the command line that is being completed.
+        incomplete: text that the user has typed so far after --set.
     """
     from .changes import names_to_set
 
     given = context.params
-    # The last option has no value yet, so typer has not parsed the arguments after it: they are in `args`.
+    # The option --set has no value yet, so typer has not parsed the arguments around it: they are in `args`.
+    # The first of them is the parameter set.
     name = (*context.args, given["parameters"])[0]
-    with suppress(ValueError):  # unknown name: the command itself reports it
+    # An unknown name of a set, law or waveform gives no completions; the command itself reports it.
+    with suppress(ValueError):
         names = names_to_set(name, given["law"], given["waveform"])
         return [f"{name}=" for name in names if name.startswith(incomplete)]
     return []

@@ -22,7 +22,8 @@ _INSTALL = 'install what it needs with: pip install "stickslip[all]"'
 
 try:
     import typer
-except ModuleNotFoundError as missing:  # this module is imported first: no other could report it
+# A missing package is reported here, because this module of the command line is imported first.
+except ModuleNotFoundError as missing:
     raise SystemExit(f"Error: the command line needs {missing.name}; {_INSTALL}") from None
 
 if TYPE_CHECKING:
@@ -34,15 +35,20 @@ app = typer.Typer(
     help="Identify, verify, simulate and design piezoelectric stick-slip actuators from recordings.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode=None,  # plain help: four times as fast, and the same in a log
+    # The help is plain text without colours and boxes: it appears four times as fast, and looks the same in a
+    # log.
+    rich_markup_mode=None,
 )
 
 
-# Texts on what remains after an interrupted command, for its error message.
+# Texts for the error message of an interrupted command, which say what remains of its work.
 FINISHED = "what was finished is kept"
 CONTINUES = f"{FINISHED}, and the same command continues"
-ROOM = 4_000_000  # bytes of free disk space that a report needs, checked before any work
-_TRIES = 5  # further attempts to write into --out while another command makes and removes that folder
+# Number of bytes of free disk space that a report needs, which are checked before any work.
+ROOM = 4_000_000
+# Number of further attempts to write into the folder --out while another command makes and removes that
+# folder.
+_TRIES = 5
 
 Out = Annotated[
     Path, typer.Option(help="Folder for results.json and report.html; other files in it are kept.")
@@ -72,22 +78,25 @@ Arm = Annotated[
     ),
 ]
 
-_INTERRUPTIONS: list[Interruption] = []  # handlers of Ctrl-C of the running command, the current one last
+# Handlers of Ctrl-C of the running command and of commands within it, the innermost one last.
+_INTERRUPTIONS: list[Interruption] = []
 
 
 @contextmanager
 def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> Iterator[None]:
-    """Report errors in one line on stderr, and by the exit code; a warning is also one line.
+    """Context of a command, which reports errors and warnings in one line on stderr.
 
-    An interrupted command ends as described in `interruption`.
+    An error ends the program by `typer.Exit`, with the exit code 2 for a ValueError (wrong input), 130 for an
+    interruption (see `interruption`) and 1 otherwise.
 
     Args:
-        show_traceback: show where in the program an error occurred.
-        kept: what remains after an interruption, in words.
+        show_traceback: True: also print where in the program an error occurred.
+        kept: words for the message after an interruption: what remains of the work.
     """
     from .interruption import CODE, Interruption
 
-    told = set()  # each warning once, even if several fits cause it
+    # Texts of warnings that were shown: each is shown once, even if several fits cause it.
+    told = set()
 
     def say(message: Warning | str, *where: Any, **how: Any) -> None:
         text = _in_one_line(str(message))
@@ -108,7 +117,9 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
         raise typer.Exit(CODE) from None
     except Exception as error:
         if isinstance(error, BrokenPipeError) and _reader_is_gone():
-            raise  # "| head": the command-line library ends without a message
+            # For example, the output goes to `head`, which has read enough. The library typer then ends the
+            # program without a message.
+            raise
         if show_traceback:
             traceback.print_exc()
         typer.echo(f"Error: {_explained(error)}", err=True)
@@ -117,9 +128,10 @@ def errors_in_one_line(show_traceback: bool, kept: str = "nothing is kept") -> I
 
 @contextmanager
 def arming(why: str) -> Iterator[None]:
-    """Context in which the output of a real rig may be enabled, if `why` has the user's reason.
+    """Context in which a command may enable the voltage output of a real rig.
 
-    Without a reason ("") the context changes nothing.
+    `why` is the user's reason (--arm), which the rig's log keeps. Without a reason ("") the context changes
+    nothing, so the output of a real rig stays disabled.
     """
     if not why:
         yield
@@ -132,9 +144,10 @@ def arming(why: str) -> Iterator[None]:
 
 @contextmanager
 def only_reading(show_traceback: bool) -> Iterator[None]:
-    """Context for commands that only read: errors are reported in one line, and no user's file is run.
+    """Context for commands that only read: errors are reported as by `errors_in_one_line`, and Python files
+    that are named in a read file are not executed.
 
-    Files given with --use were run before; others that are named in a read file are not.
+    Files that the user has given with --use were already executed before.
     """
     with errors_in_one_line(show_traceback):
         from ..quantities.registry import nothing_run
@@ -149,7 +162,8 @@ def _reader_is_gone() -> bool:
     Otherwise a broken pipe has another cause, such as a lost connection to a rig, and is an error.
     """
     try:
-        print(flush=True)  # prints a newline: an unbuffered output has nothing to flush, and shows no error
+        # A newline is printed, because flushing alone shows no error if the output is unbuffered.
+        print(flush=True)
     except BrokenPipeError:
         return True
     return False
@@ -174,10 +188,10 @@ def _explained(error: Exception) -> str:
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """Context that gives a progress callback (text, finished fraction).
+    """Context that yields a progress callback with two arguments: activity as text, and finished fraction.
 
-    On a terminal it shows a bar, otherwise it prints a line to stderr when the text changes. If the user has
-    interrupted the command, the callback ends it by a KeyboardInterrupt.
+    On a terminal the callback shows a bar; otherwise it prints a line to stderr when the text changes. If the
+    user has interrupted the command, the callback raises KeyboardInterrupt.
     """
     with _shown_progress() as progress:
         yield _INTERRUPTIONS[-1].ending(progress) if _INTERRUPTIONS else progress
@@ -213,7 +227,13 @@ def _shown_progress() -> Iterator[Progress]:
 
 
 def check_output(out: Path) -> None:
-    """Check before the work that a report can be written to a folder; raise an error if not."""
+    """Check before the work that a report can be written to a folder.
+
+    Raises:
+        ModuleNotFoundError: a package for reports is missing.
+        ValueError: the path or a part of it is a file.
+        OSError: writing to the folder fails, for example on a full disk.
+    """
     for name in ("jinja2", "matplotlib"):
         if find_spec(name) is None:
             raise ModuleNotFoundError(name=name)
@@ -223,7 +243,8 @@ def check_output(out: Path) -> None:
     for tries_left in range(_TRIES, -1, -1):
         try:
             return _try_to_write(out)
-        except FileNotFoundError as error:  # another command has tried and removed the same new folder
+        # Another command has made and removed the same new folder at this moment, so the test is repeated.
+        except FileNotFoundError as error:
             if not tries_left:
                 raise OSError(error.errno, f"{error.strerror}; name another folder", f"--out {out}") from None
         except OSError as error:
@@ -231,32 +252,37 @@ def check_output(out: Path) -> None:
 
 
 def _try_to_write(out: Path) -> None:
-    """Test that a report fits: write a file of its size into the folder, and remove it again.
+    """Test that a report can be written: write a file of `ROOM` bytes into a folder, and remove it again.
 
-    Folders that were made for the test are removed too.
+    Folders that were made for the test are removed too. Raises OSError if the file cannot be written.
     """
     probe = out / f".room.{os.getpid()}.part"
     made: list[Path] = []
     try:
         for folder in reversed((out, *out.parents)):
-            with suppress(FileExistsError):  # what another command makes meanwhile must not be removed
+            # A folder that another command makes at this moment is not in `made`, because it must not be
+            # removed.
+            with suppress(FileExistsError):
                 if not folder.exists():
                     folder.mkdir()
                     made.insert(0, folder)
-        with probe.open("wb") as file:  # only writing shows whether it is permitted
+        # Only writing a file shows that it is permitted and that there is room.
+        with probe.open("wb") as file:
             file.write(bytes(ROOM))
             file.flush()
             os.fsync(file.fileno())
     finally:
         probe.unlink(missing_ok=True)
-        for folder in made:  # the folder must not exist before there is a result
+        # The folder for results must not exist before there is a result.
+        for folder in made:
             _remove_if_empty(folder)
 
 
 def _remove_if_empty(folder: Path) -> None:
     try:
         folder.rmdir()
-    except OSError as error:  # another command uses or has removed it
+    # Another command uses this folder or has removed it: no error.
+    except OSError as error:
         if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT):
             raise
 
@@ -266,17 +292,18 @@ class RequirementError(Exception):
 
 
 def write(document: Document, out: Path, begun: float, browser: str = "") -> None:
-    """Write the report and print the main results.
+    """Write the report (results.json, report.html) and print the main results.
 
     Args:
-        document: the report.
-        out: folder for it.
+        document: content of the report.
+        out: folder for the report.
         begun: time at which the command started, from `time.perf_counter`, s.
         browser: path of a browser, with which report.pdf is written too; "" for no PDF.
 
     Raises:
-        RequirementError: a requirement is not met.
+        RequirementError: a requirement is not met (after the report was written).
         KeyboardInterrupt: the user interrupted the work; the report shows the finished part.
+        OSError: the report cannot be written.
     """
     from ..report import write_pdf, write_report
     from ..report.text import shown_number
@@ -284,7 +311,8 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
     command = shlex.join(["stickslip", *sys.argv[1:]])
     try:
         report = write_report(document, out, command=command, elapsed=time.perf_counter() - begun)
-    except OSError as error:  # on a full disk the error names no file
+    # The error of a full disk does not name a file, so the folder is added.
+    except OSError as error:
         raise OSError(error.errno, error.strerror, error.filename or f"--out {out}") from error
     for sentence in re.split(r"(?<=\.) (?=[A-Z])", document.summary):
         typer.echo(sentence)

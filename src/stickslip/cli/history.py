@@ -135,7 +135,8 @@ def _pair(text: str) -> tuple[str, str]:
 def _line(row: dict[str, Any]) -> str:
     try:
         when = datetime.fromtimestamp(row["changed"]).strftime("%Y-%m-%d %H:%M:%S")
-    except (OverflowError, ValueError, OSError):  # the file's time is out of range
+    # The time of the file's last change is outside the range of dates.
+    except (OverflowError, ValueError, OSError):
         when = "-" * 19
     said = row["problem"] or row["outcome"] or "-"
     shown = f"{when}  {row['kind']:9}  {row['name']}  {said}"

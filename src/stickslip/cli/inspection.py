@@ -36,7 +36,8 @@ def inspect(
         found = inspect_file(file)
         typer.echo(str(found))
         if found.log is not None:
-            return  # a table without a time column
+            # The file is a table without a time column, which has no picture.
+            return
         if found.recording is None and found.response is None:
             raise ValueError(f"{file}: {found.problem}")
         drawn = _drawn(found)
@@ -47,7 +48,8 @@ def inspect(
 
 
 def _drawn(found: Inspection) -> str:
-    """Return the picture of an inspected file, as SVG."""
+    """Return the SVG text of the picture of an inspected file: its recording over time, or its frequency
+    response."""
     from ..report.figures.style import svg
 
     if found.response is not None:
@@ -69,8 +71,8 @@ def _drawn(found: Inspection) -> str:
 
 
 def _check_picture(target: Path) -> None:
-    """Raise an error unless the target may be replaced: only a picture that this command has written, never
-    the inspected file."""
+    """Raise ValueError unless the file `target` may be written: its name ends in .svg, and an existing file
+    is an SVG picture as this command writes them. So the inspected file is never overwritten."""
     if target.suffix != ".svg":
         raise ValueError(f"--picture {target}: the name of a picture ends in .svg")
     above = next(one for one in target.absolute().parents if one.exists())

@@ -58,7 +58,12 @@ def interlock(
 
 
 def _place(file: Path) -> Path:
-    """Return the folder of the rig's process, from an experiment file or a panel's folder."""
+    """Return the folder in which the rig's process keeps its state, from an experiment file or a panel's
+    folder.
+
+    Raises:
+        ValueError: the file is no experiment file, or describes a virtual rig, which has no lasting process.
+    """
     if file.is_dir():
         return file / ".rig"
     from ..rig.experiment.laboratory import rigs_of

@@ -21,7 +21,8 @@ import typer
 if TYPE_CHECKING:
     from ..quantities.progress import Progress
 
-CODE = 130  # exit code of an interrupted command
+# Exit code of an interrupted command, by convention 128 plus the number of SIGINT.
+CODE = 130
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
@@ -51,13 +52,13 @@ class Interruption:
             self.check()
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if the user has interrupted the command."""
+        """Raise KeyboardInterrupt if a signal has asked the command to end."""
         if self.asked:
             raise KeyboardInterrupt
 
     def ending(self, progress: Progress) -> Progress:
-        """Return a progress function that raises KeyboardInterrupt once the user has interrupted the
-        command."""
+        """Return a progress function that calls `progress`, but raises KeyboardInterrupt if a signal has
+        asked the command to end."""
 
         def tell(doing: str, done: float) -> None:
             self.check()
@@ -70,7 +71,8 @@ class Interruption:
             _leave_terminal()
         if self.asked:
             try:
-                # The module is loaded only if this program uses a rig's process, which must stop the output.
+                # The module `rig.hosted` is loaded only if this program uses a rig's process, which must stop
+                # the voltage output.
                 if hosted := sys.modules.get("stickslip.rig.hosted"):
                     hosted.stop_all()
             finally:
@@ -84,7 +86,8 @@ class Interruption:
 
 
 def _leave_terminal() -> None:
-    """Send further output nowhere: the terminal is closed, and writing to it would be an error."""
+    """Redirect stdout and stderr to the null device if they lead to a terminal, because the terminal is
+    closed and writing to it would be an error."""
     with suppress(OSError):
         nowhere = os.open(os.devnull, os.O_RDWR)
         for stream in (1, 2):

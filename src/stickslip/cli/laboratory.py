@@ -102,7 +102,8 @@ def rigs(
 
 
 def _address(text: str) -> tuple[str, int | None]:
-    """Return host and port of HOST[:PORT], [IPv6]:PORT or IPv6; raise ValueError for another text."""
+    """Return host and port of a text HOST[:PORT], [IPv6]:PORT or IPv6; the port is None if it is not given.
+    Raises ValueError for another text or an unknown host."""
     host, colon, port = text.rpartition(":")
     if not colon or (":" in host and not host.startswith("[")) or text.endswith("]"):
         host, port = text, ""
@@ -180,7 +181,7 @@ def serve(twins: dict[str, Twin], host: str, port: int, pty: bool) -> None:
     Args:
         twins: the instruments by their role, such as the oscilloscope of a controller.
         host: network address to serve.
-        port: TCP port of the first one; each further one has the next port. 0 for any free ports.
+        port: TCP port of the first instrument; each further one has the next port. 0: any free ports.
         pty: serve pseudo terminals instead of TCP ports.
     """
     from ..rig.twins import TwinServer, TwinTerminal

@@ -15,7 +15,8 @@ import typer
 from .frame import Traceback, app, errors_in_one_line
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_NICE = -5  # nice value of the panel: before programs that only compute, after the rig's process
+# Nice value (priority) of the panel's process: before programs that only compute, after the rig's process.
+_NICE = -5
 
 
 @app.command()
@@ -76,8 +77,8 @@ def panel(
         listening = socket.create_server(
             (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
         )
-        # Without this option every answer waits 40 ms for an acknowledgement; asyncio sets it only for
-        # sockets that it has made.
+        # Without the option TCP_NODELAY every answer of the server waits 40 ms for an acknowledgement. The
+        # package asyncio sets this option only for sockets that it has made itself.
         listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         number = listening.getsockname()[1]
         shown = f"[{host}]" if ":" in host else host
@@ -91,12 +92,15 @@ def panel(
         if browser:
             _open(address)
         server = uvicorn.Server(server_config(served))
-        if hasattr(signal, "SIGHUP"):  # uvicorn handles the other signals itself
+        # The server (uvicorn) handles all other signals itself.
+        if hasattr(signal, "SIGHUP"):
             signal.signal(signal.SIGHUP, server.handle_exit)
-        with suppress(KeyboardInterrupt):  # Ctrl-C is the usual end of a panel
+        # Ctrl-C is the usual end of a panel and no error.
+        with suppress(KeyboardInterrupt):
             server.run(sockets=[listening])
-        # The rig was released, and all processes were ended. Python would still wait for threads of abandoned
-        # requests: a map of steps with a law of many elements takes minutes.
+        # The server has released the rig and ended all processes. A normal exit of Python would still wait
+        # for threads of requests that nobody needs any more, which may take minutes (a map of steps, for
+        # example). So the process ends at once.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(0)

@@ -13,7 +13,8 @@ from .law import register as register
 from .law import register as register_law  # noqa: F401  (its public name)
 from .normal_force import NormalForce as NormalForce
 
-# In the order of the thesis, which lists of laws keep; those of other files come after them.
+# The order of these imports is that of the laws in [kang2007], and so the order in all lists of laws. Laws
+# from users' files follow.
 # isort: off
 from .coulomb import Coulomb as Coulomb
 from .coulomb import CoulombViscous as CoulombViscous
@@ -26,4 +27,5 @@ from .elastoplastic import Elastoplastic as Elastoplastic
 from .maxwell_slip import MaxwellSlip as MaxwellSlip
 # isort: on
 
-LAWS: tuple[type, ...] = tuple(registry.laws.packaged().values())  # laws of the package
+# Friction laws that come with the package, without those from users' files.
+LAWS: tuple[type, ...] = tuple(registry.laws.packaged().values())
