@@ -30,14 +30,14 @@ from .campaign.checking import check_campaign
 from .campaign.file import CampaignFile
 from .file import Job, JobStep, checked
 
-# Keys of a job file under which users choose the names; a key "file" there does not name a recording.
+# Keys of a job file below which users choose the names. A key "file" there does not name a file.
 _FREE = {"options", "variables", "fields", "columns", "units", "rename"}
 
 
 def check_job(job: Job, out: Path) -> None:
-    """Check before the first step that everything that the steps need exists.
+    """Check before the first step of a job that all files, models and names that the steps need exist.
 
-    So a mistake in a late step is reported before hours of work. Existing recordings are read, too.
+    A mistake in a late step is thus reported before hours of work. Existing recordings are read, too.
 
     Args:
         job: the job.
@@ -116,9 +116,10 @@ def _check_recordings(recordings: Iterable[Any], folder: Path) -> None:
 
 
 def _files(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
-    """Yield pairs for the files that a step's content names: place of the key in it, and name of the file.
+    """Yield the place and the name of each file under a key "file" of a step's content.
 
-    `place` is the place of `content` in the step, such as "recordings.0".
+    The place is the path of the mapping with this key, such as "recordings.0"; `place` is that of `content`.
+    Files of published datasets, and keys below `_FREE`, are left out.
     """
     if isinstance(content, list):
         for i, one in enumerate(content):

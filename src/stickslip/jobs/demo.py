@@ -32,7 +32,8 @@ _CAMPAIGN_SHARE = 0.6
 
 @contextlib.contextmanager
 def _others() -> Iterator[ProcessPoolExecutor]:
-    """Provide two processes for the identification files; an error or Ctrl-C ends them at once."""
+    """Provide an executor with two processes for a `with` block; an error or Ctrl-C ends the processes at
+    once."""
     before = multiprocessing.active_children()
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as others:
         try:
@@ -45,7 +46,8 @@ def _others() -> Iterator[ProcessPoolExecutor]:
 
 
 def _run_or_why(file: Path) -> Document | str:
-    """Return the report of an identification file, or the reason, as text, why its data are missing."""
+    """Return the report of an identification file, or the message of the RecordingError if data are
+    missing."""
     try:
         return run_file(file)
     except RecordingError as error:
@@ -55,7 +57,8 @@ def _run_or_why(file: Path) -> Document | str:
 def run(out: str | os.PathLike[str], progress: Progress = unheard) -> Document:
     """Run the demonstration and return its report.
 
-    Two other processes run the identification files while this one runs the campaign.
+    Two other processes run the identification files while this one runs the campaign. A part whose data are
+    missing is left out, with the reason in the report.
 
     Args:
         out: folder for the campaign's recordings and finished stages; existing ones are used again.

@@ -37,7 +37,7 @@ KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
 
 
 def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
-    """Return all known names by kind, each with a one-line description.
+    """Return all known names by kind, each with a one-line description: {kind: {name: description}}.
 
     Args:
         kinds: kinds to list: "laws", "actuators" (parameter sets), "piezo models", "waveforms", "sensors",
@@ -62,7 +62,7 @@ def _lines(kind: registry.Kind) -> dict[str, str]:
 def _line(kind: registry.Kind, name: str) -> str:
     try:
         found = kind.find(name)
-    except registry.RegistryError as error:  # the name is known, but its file fails
+    except registry.RegistryError as error:  # the name is known, but its file fails to load
         return str(error)
     found = getattr(found, "read", found)  # a file format is described by its function `read`
     said, place = (found.__doc__ or "").strip().split("\n")[0], registry.origin(found)

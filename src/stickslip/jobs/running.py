@@ -79,12 +79,12 @@ def _done(running: JobRun, number: int, step: JobStep, progress: Progress) -> Do
 
 
 def _until(job: Job, documents: Sequence[Document], error: BaseException) -> Document:
-    """Return the report of the finished steps, with the failure of the next step added.
+    """Return the report of the finished steps, with a summary and failures that name the step that failed.
 
     Args:
         job: the job.
-        documents: reports of the finished steps.
-        error: error, or KeyboardInterrupt, of the step after them.
+        documents: reports of the finished steps, at least one.
+        error: the exception, or KeyboardInterrupt, that ended the next step.
     """
     at, count = len(documents), len(job.steps)
     interrupted = isinstance(error, KeyboardInterrupt)
@@ -101,9 +101,10 @@ def _until(job: Job, documents: Sequence[Document], error: BaseException) -> Doc
 
 
 def _found(content: Content, folder: Path, out: Path) -> Content:
-    """Return a step's content in which files of earlier steps have absolute paths.
+    """Return a step's content in which files made by earlier steps have absolute paths.
 
-    These are files that exist in the output folder `out` and not in `folder`, the folder of the input file.
+    A value under a key "file" is changed if the file exists in the output folder `out`, and not in `folder`,
+    the folder of the input file.
     """
 
     def resolved(value: Any, key: str = "") -> Any:
@@ -118,13 +119,15 @@ def _found(content: Content, folder: Path, out: Path) -> Content:
 
 
 def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool = True) -> Document:
-    """Return one report that contains several reports as sections.
+    """Join several reports into one, in which each is a section; return it.
+
+    Their numbers, files and figures get names that are unique in the whole report.
 
     Args:
         title: title of the whole report.
         notes: first sentences of its summary.
         documents: the reports.
-        told: True if its summary also contains the summaries of the reports.
+        told: True to add the summaries of the reports to its summary.
     """
     named = {}
     for i, one in enumerate(documents, start=1):

@@ -35,15 +35,15 @@ class JobRun:
 
     @property
     def folder(self) -> Path:
-        """Folder of the relative paths in the present step."""
+        """Return the folder of the relative paths in the present step: the folder of its file."""
         return self.file.parent
 
     def room(self, name: str) -> Path:
         """Return the path of a folder for a step's results, which does not exist yet.
 
-        It is the folder `name` in the output folder, with a number added if an earlier step of this run uses
-        the name. A folder of an earlier run is moved to the bin with a RecordingWarning; if the new folder
-        had another name instead, users might take old results for new ones.
+        The folder is `name` in the output folder, with a number added if an earlier step of this run uses the
+        name. A folder of an earlier run with this path is moved to the subfolder ".bin" with a
+        RecordingWarning. A new name for each run would let users take old results for new ones.
         """
         number, found = 2, name
         while found in self._used:
@@ -57,16 +57,17 @@ class JobRun:
 
 
 class StepKind(NamedTuple):
-    """Kind of a step: how its content is read, checked and run.
+    """Kind of a step of a job: how its content is read, checked and run.
 
     Args:
         schema: pydantic model of the content, or a union of models.
-        run: function from the content and the running job to the report of the step.
-        lacks: function from the content and the kinds of earlier steps to a text that says which earlier
-            step is missing; "" if none is.
-        makes: function from the content and the number of the step to the files that a later step can name,
-            relative to the output folder.
-        reads: function from the plain content to its record, if validation by the schema is not enough.
+        run: takes the record of the content and the running job; returns the report of the step.
+        lacks: takes the record and the kinds of earlier steps; returns a text that says which earlier step is
+            missing, "" if none is.
+        makes: takes the record and the number of the step in the job; returns the files that a later step can
+            name, relative to the output folder.
+        reads: takes the plain content; returns its record. Only needed if validation by the schema is not
+            enough.
     """
 
     schema: Any
@@ -77,7 +78,7 @@ class StepKind(NamedTuple):
 
     @property
     def titled(self) -> bool:
-        """True if the content has a title; it may then also be in a file of its own."""
+        """Return True if the content has a title; it may then also be in a file of its own."""
         return "title" in getattr(self.schema, "model_fields", {"title": None})
 
     def read(self, content: dict[str, Any]) -> Any:

@@ -30,21 +30,21 @@ POSITION = "end_effector_position"
 AFTER = 0.05
 # Deviation of drive_voltage from its first sample that counts as the start, as a fraction of its range.
 BEGUN = 0.02
-# A drift is subtracted if its slope exceeds this times its standard error, and the whole drift this times the
-# noise.
+# Factor by which the slope of a drift must exceed its standard error, and the whole drift the noise, before
+# the drift is subtracted.
 SURELY = 5.0
 # Smallest allowed ratio of the ranges (greatest minus least) of drive_voltage and waveform, either way.
 ALIKE = 0.5
 
 
 class Aligned(NamedTuple):
-    """A recording that is aligned with its drive.
+    """A recording of a walk or a step, aligned with its drive. Positions are in m (rad for rotary actuators).
 
     `name` is its name, and `use` its use in the words of the file, such as "fit". The drive starts at `begin`
-    [s]. `recording` contains the position minus its mean before this start. `noise` [m] is the standard
-    deviation of the position before the start, NaN with fewer than three samples there. `wanted` is the
-    requested drive and `drive` the drive at the piezo, after the amplifier's slew rate; both are in the time
-    of the recording, and None if only the channel drive_voltage is known. The first part of the drive ends at
+    [s]. `recording` contains the position minus its mean before this start. `noise` is the standard deviation
+    of the position before the start, NaN with fewer than three samples there. `wanted` is the requested drive
+    and `drive` the drive at the piezo, after the amplifier's slew rate; both are in the time of the
+    recording, and None if only the channel drive_voltage is known. The first part of the drive ends at
     `forward` [s], None for a single part. `drift` was subtracted from the position, None if none was. `taken`
     describes the drive that was recognised, "" if it was given.
     """
@@ -108,7 +108,8 @@ def aligned(
             except RecordingError:
                 _refuse_other_range(whole, drive, name)
                 raise
-        rest, drive = _after_rest(drive)  # samples in an initial rest also serve for bias and noise
+        # Samples in an initial rest of the drive also serve for bias and noise.
+        rest, drive = _after_rest(drive)
         begin += rest
         end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
         keep = time <= end
@@ -146,12 +147,13 @@ def aligned_by_itself(
 
 
 def said_drives(walks: Iterable[Aligned]) -> list[str]:
-    """Return a text on the recognised drive of each walk for which no drive was given."""
+    """Return a text for each walk whose drive was recognised instead of given: its name and this drive."""
     return [f"drive of {one.name}: {one.taken}" for one in walks if one.taken]
 
 
 def with_position(recording: xr.Dataset, position: np.ndarray) -> xr.Dataset:
-    """Return the recording with other values of the position, in the same unit."""
+    """Return the recording with the values `position` [samples] instead of end_effector_position, in its
+    unit."""
     return recording.assign({POSITION: ("time", position, recording[POSITION].attrs)})
 
 
@@ -166,9 +168,10 @@ def _before(time: np.ndarray, begin: float) -> np.ndarray:
 
 
 def on_level(one: Aligned, model: Actuator) -> Aligned:
-    """Return the recording with the position shifted to the model's equilibrium at the initial voltage.
+    """Return the recording with its position shifted to start at the model's equilibrium.
 
-    A simulation starts in this equilibrium, while an aligned position starts at zero.
+    The equilibrium is at the drive's voltage before its start. A simulation starts in it, while an aligned
+    position starts at zero.
     """
     if one.drive is None:
         level = model.gain * float(one.recording["drive_voltage"].values[0])
@@ -200,7 +203,7 @@ def without_drift(one: Aligned) -> Aligned:
 
 
 def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
-    """Return a sentence for each walk from which a drift was subtracted."""
+    """Return a sentence on each walk from which a drift was subtracted: its rate, and its size at the end."""
     said = []
     for one in walks:
         if one.drift is not None:
@@ -224,9 +227,14 @@ def _after_rest(drive: Waveform) -> tuple[float, Waveform]:
 
 
 def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:
-    """Raise RecordingError if the ranges of drive_voltage and waveform differ by more than `ALIKE` allows.
+    """Raise RecordingError if the range of drive_voltage is not at all that of the waveform, see `ALIKE`.
 
-    It is called after the start of the drive was not found, for which this is the probable cause.
+    Called if the start of the drive was not found, for which this is the probable cause.
+
+    Args:
+        whole: the recording.
+        drive: the waveform.
+        name: name of the recording, for the error.
     """
     span = float(np.ptp(channel(whole, "drive_voltage", name, varies=True)))
     low, high = drive.range()

@@ -42,7 +42,11 @@ class LevelData(NamedTuple):
 
 
 class OneModel(NamedTuple):
-    """Results of one modal model for all drive amplitudes: summary sentence, report section, and numbers."""
+    """Results of one modal model for all drive amplitudes.
+
+    `summary` is a sentence for the summary of the report, `section` the section of the report, and `numbers`
+    are for results.json.
+    """
 
     summary: str
     section: Section
@@ -50,10 +54,11 @@ class OneModel(NamedTuple):
 
 
 def score(predicted: NDArray[np.float64], steady: NDArray[np.float64]) -> Score:
-    """Return r² and rms error of a prediction, over all samples, outputs and realisations.
+    """Return r² and rms error [m] of a prediction, over all samples, outputs and realisations.
 
     Args:
-        predicted: predicted response, (samples, outputs, realisations); its mean over the samples is removed.
+        predicted: predicted response [m], (samples, outputs, realisations); its mean over the samples is
+            removed.
         steady: measured response of the same shape, without its mean over the samples.
     """
     residual = predicted - predicted.mean(axis=0) - steady
@@ -61,7 +66,10 @@ def score(predicted: NDArray[np.float64], steady: NDArray[np.float64]) -> Score:
 
 
 def numbers_of(fit: Fit) -> dict[str, Any]:
-    """Return the numbers of a modal fit for results.json, without a very large correlation matrix."""
+    """Return the numbers of a modal fit for results.json, see `fit_numbers`.
+
+    The correlation matrix is left out if the fit has more than `MOST_CORRELATED` parameters.
+    """
     numbers = fit_numbers(fit, "m/V")
     if len(fit.parameters) > MOST_CORRELATED:
         del numbers["correlation"]
@@ -75,14 +83,14 @@ def one_model_section(
     sample_rate: float,
     progress: Progress,
 ) -> OneModel:
-    """Fit one modal model to all drive amplitudes (levels), and report its predictions.
+    """Fit one modal model to all drive amplitudes (levels), and return its results and predictions.
 
     Each level except the smallest and the largest is also predicted by a fit to all other levels.
 
     Args:
-        levels: data of all levels.
-        own: scores of the models that were fitted to each level alone, see `score`.
-        modes: initial values of the modes, from the level of middle amplitude.
+        levels: data of all levels, two at least.
+        own: r² and rms error [m] of the models that were fitted to each level alone, see `score`.
+        modes: initial values of the modes: pairs of frequency [Hz] and damping ratio, or a fitted model.
         sample_rate: sample rate of drives and responses, Hz.
         progress: called with the current activity and the finished fraction, from 0 to 1.
     """

@@ -31,8 +31,8 @@ from .walk import WalkFile
 class ComparisonAnalysis(WalkFile):
     """Request to compare models of walks, such as friction laws.
 
-    `laws` are names of models in `walk_candidates` (all of them by default), and a user's own laws in the
-    form of an identification file for friction loops (`LawSpec`).
+    `laws` lists names of models in `walk_candidates`, and a user's own laws in the form `LawSpec`. Without
+    `laws` all models in `walk_candidates` are compared.
     """
 
     kind: Literal["comparison"] = "comparison"
@@ -55,7 +55,10 @@ class ComparisonAnalysis(WalkFile):
         return checked_laws(candidates_of(model), self.laws or True, model, folder, "laws")
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit all models, predict the other walks with each, and return the report."""
+        """Fit all models to the walks with 'use: fit', predict the others with each, and return the report.
+
+        Raises the errors of `check`, RecordingError for an unsuitable recording, and FitError.
+        """
         laws, model = self.check(folder), self.load_model(folder)
         parts = read_parts(self.recordings, folder)
         data: dict[str, list[Any]] = {"fit": [], "verify": []}
@@ -81,14 +84,15 @@ class ComparisonAnalysis(WalkFile):
 
 
 def candidates_of(model: Actuator) -> list[Candidate]:
-    """Return all candidate models of a walk, with initial values from the friction of an actuator.
+    """Return all models of a walk that are compared by default, see `walk_candidates`.
 
-    Values that its friction law does not have are typical ones.
+    Their initial values are those of the actuator's friction law; values that this law does not have are
+    typical.
     """
     law = model.friction
     force = float(getattr(law, "coulomb_force", 1.0))
-    # Typical stiffnesses in N/m do not apply to rotation. Instead the contact is assumed to slip after the
-    # motion of the stage for 3 V, as in kang2007.
+    # Typical stiffnesses in N/m do not apply to rotation. Instead a contact without known stiffness is
+    # assumed to slip when the stage has moved as far as 3 V move it, as the contact of kang2007 does.
     jump = 3.0 * abs(model.gain)
     stiffness = float(getattr(law, "sigma_0", force / jump if model.rotary else 1e6))
     usual = 0.2 * math.sqrt(stiffness * model.end_effector_mass) if model.rotary else 30.0
@@ -103,17 +107,17 @@ def named(
     field: str = "model_choice",
     folder: Path = Path(),
 ) -> list[Candidate]:
-    """Return the candidates with the given names, and a user's own laws.
+    """Select candidates by name, and make candidates of a user's own laws; return them in the given order.
 
     Args:
         candidates: known candidates.
-        names: names of candidates, and a user's own laws; True or False for all candidates.
+        names: names of candidates, and a user's own laws as `LawSpec`; True or False selects all candidates.
         field: name of the field of the input file, for errors.
-        folder: folder of the input file.
+        folder: folder of the input file, in which a user's own laws are.
 
     Raises:
-        QuantityError: a name is unknown.
-        AnalysisError: a law is unknown.
+        QuantityError: a name is unknown, or a field of a law is wrong.
+        AnalysisError: the law of a `LawSpec` is unknown.
     """
     if isinstance(names, bool):
         return list(candidates)

@@ -66,8 +66,11 @@ class DesignAnalysis(Analysis, ModelOrFit):
     def run(self, folder: Path, progress: Progress) -> Document:
         """Run all parts in turn and return the report.
 
-        If a part fails, the others are still run. If a part is stopped by Ctrl-C, the parts after it are not
-        begun. In both cases the error is raised if no part before it has a result.
+        If a part fails, the next parts are still run. If a part is stopped by Ctrl-C, the next parts are not
+        started. In both cases the error is raised unless an earlier part has a result.
+
+        Raises:
+            QuantityError, AnalysisError, ParameterSetError: a field is wrong, or a part failed.
         """
         model = self.load_model(folder)
         draws, origin = self._draws(folder), origin_of(model, [])

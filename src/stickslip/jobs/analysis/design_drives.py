@@ -38,11 +38,12 @@ STOPPED = "stopped before the end of the search: the best until then"
 class OptimiseSpec(
     SearchSpec, arguments_of(optimise_waveform, "knots", "draws", "quantile", "minimum_speed", "budget")
 ):
-    """Arguments of `optimise_waveform`.
+    """Arguments of `optimise_waveform`, which searches for the best drive.
 
-    `goal` is "speed", "ripple", "backward_rate", "tip_load", "noise", or a goal with a value such as
-    {step: 2 um}. `draws` is the number of draws from the file's `uncertainty`, if it has one. `limits` and
-    `generator` describe amplifier and converter.
+    `goal` is "speed", which is maximised; "ripple", "backward_rate", "tip_load" (tension of the piezo) or
+    "noise" (acceleration of the stage), which are minimised; or a goal with a value such as {step: 2 um}, see
+    `GoalSpec`. `draws` is the number of draws from the file's `uncertainty`, if it has one. `limits` describe
+    the amplifier, and `generator` the converter.
     """
 
     goal: Goal | None = None
@@ -109,16 +110,17 @@ class ActuatorSearchSpec(
 
 
 def _run_of(waveform: PeriodicKnots) -> str:
-    """Return the waveform as text for a run of an experiment file (its entry ``waveform:``)."""
+    """Return YAML text with the entry ``waveform:`` of a run in an experiment file; times in s, voltages in
+    V."""
     fields = {"times": [*waveform.times], "values": [*waveform.values], "period": waveform.period}
     made = {"waveform": [{"shape": "PeriodicKnots", "fields": fields}]}
     return "# For a run of an experiment file; s, V.\n" + yaml_text(made)
 
 
 def _csv(played: Any) -> str:
-    """Return one period of the generator's output as CSV text: times [s] and voltages [V].
+    """Return one period of the generator's output as CSV text, with the header "time [s],voltage [V]".
 
-    `played` is the sampled waveform.
+    `played` is the sampled waveform, with `times` and `values`.
     """
     text = io.StringIO()
     np.savetxt(

@@ -32,8 +32,9 @@ DRAWS = 1000
 class Given(NamedTuple):
     """Inputs of each part of a design file.
 
-    `model` is the actuator, `uncertainty` has draws of its parameters by name (None without uncertainty),
-    `folder` is the folder of the file, and `progress` reports the progress of the part.
+    `model` is the actuator. `uncertainty` has draws of its parameters in SI, arrays [draws] by name (None
+    without uncertainty). `folder` is the folder of the relative paths in the file. `progress` is called with
+    the activity and the finished fraction of the part, from 0 to 1.
     """
 
     model: Actuator
@@ -45,9 +46,9 @@ class Given(NamedTuple):
 class GoalSpec(Strict):
     """A goal of a search that needs a value; exactly one of these fields.
 
-    `speed` is the direction in which the speed is maximised (1 or -1), `step` the required step per period
-    [m], `current` the capacitance of the piezo [F], whose peak current is minimised, and `heat` the piezo
-    stack, whose mean loss is minimised.
+    `speed` is the direction in which the speed is maximised (1 or -1). `step` is the required step per period
+    [m, or rad]. With `current`, the capacitance of the piezo [F], its peak current is minimised; with `heat`,
+    the piezo stack, its mean loss.
     """
 
     speed: Quantity | None = None
@@ -115,7 +116,10 @@ class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "int
     bench: str | None = None
 
     def onto(self, output: OutputStage, folder: Path) -> OutputStage:
-        """Return the given output stage with this converter added; raise QuantityError for a wrong value."""
+        """Return the output stage with this converter added, either of its own or of the bench.
+
+        `folder` is the folder of the design file. Raises QuantityError if a field is missing or wrong.
+        """
         given = self.given
         if self.bench is None:
             if "update_rate" not in given:
@@ -170,9 +174,10 @@ class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "
     scenarios: list[ScenarioSpec] = Field(default_factory=list)
 
     def common(self, given: Given) -> dict[str, Any]:
-        """Return the arguments that all searches for a drive have in common, by name.
+        """Return the keyword arguments that all searches have in common.
 
-        Raises QuantityError for wrong values.
+        They are the fields of the file, output (the amplifier's limits), scenarios and progress. Raises
+        QuantityError for wrong values.
         """
         return {
             **self.arguments,
@@ -183,10 +188,11 @@ class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "
 
 
 def draws_of_file(path: Path) -> dict[str, Array]:
-    """Return draws of an actuator's parameters from a file, arrays [draws] in SI by name.
+    """Return draws of an actuator's parameters from a file, arrays [draws] in SI by name of the parameter.
 
-    They are the samples of a posterior (NetCDF), or `DRAWS` draws from the estimates of an identification or
-    a campaign (results.json), log-normal for positive parameters and normal for others.
+    They are the samples of a posterior (NetCDF), or `DRAWS` random draws from the estimates of an
+    identification or a campaign (results.json) with their standard errors and correlations. Positive
+    parameters are log-normal, others normal; parameters without a standard error are left out.
 
     Raises:
         AnalysisError: the file contains neither.

@@ -30,9 +30,10 @@ class MapAxisSpec(AxisSpec):
     points: Annotated[int, Field(ge=2, le=100_000)]
 
     def values(self, unit: str, name: str) -> list[float]:
-        """Return the values of the axis in SI; raise QuantityError for a wrong unit.
+        """Return the values of the axis in SI.
 
-        `unit` is the SI unit of the axis, `name` its name for errors.
+        `unit` is the SI unit of the axis, and `name` its name for errors. Raises QuantityError for a wrong
+        unit, or if a logarithmic axis has an end that is not positive.
         """
         first, last = (
             to_si(v, unit, f"{name}.{end}") for end, v in (("start", self.start), ("stop", self.stop))

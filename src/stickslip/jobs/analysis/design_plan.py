@@ -65,7 +65,10 @@ class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_r
         return self.noise
 
     def _files(self, plan: Plan, folder: Path) -> dict[str, str]:
-        """Return the text of the experiment file of the plan, and of files that it needs, by file name."""
+        """Return the texts of the experiment file of the plan and of the files that it needs, by file name.
+
+        `folder` is the folder of the design file, to which the path `like` is relative.
+        """
         with tempfile.TemporaryDirectory() as made:
             plan.save(Path(made) / "experiment.yaml", like=None if self.like is None else folder / self.like)
             return {one.name: one.read_text(encoding="utf-8") for one in sorted(Path(made).iterdir())}

@@ -76,9 +76,10 @@ class RecordingFile(SourceFile):
         return self.name or Path(self.file).stem
 
     def read(self, folder: Path) -> xr.Dataset:
-        """Return the whole content of the file, calibrated; raises RecordingError and CalibrationError.
+        """Return the whole content of the file, calibrated, with scale uncertainties as attributes.
 
-        `folder` is the folder of the input file.
+        `folder` is the folder of the input file. Raises RecordingError, CalibrationError, and RegistryError
+        for a user's own reader.
         """
         recording = self._calibrated(folder)
         for name, share in self.scale_uncertainty.items():

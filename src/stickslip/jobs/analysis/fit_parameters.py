@@ -13,13 +13,13 @@ from .results import model_and_chain
 
 
 def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()) -> str:
-    """Return the text of a parameter set with the fitted values of a results.json.
+    """Return a parameter set, as TOML text, with the fitted values and standard errors of a results.json.
 
     Args:
         path: path of the results.json.
         title: title of the set.
         source: origin of the values, which the set states for each.
-        used: the user's own files, whose laws the results may name.
+        used: paths of the user's own Python files, which are run first: the results may name their laws.
 
     Raises:
         AnalysisError, QuantityError: the file does not contain a fit with a model.

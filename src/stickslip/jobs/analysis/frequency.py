@@ -136,7 +136,7 @@ class FrequencyAnalysis(Analysis):
         if level.test:
             unseen = tuple(_array(source, folder) for source in (level.test.drive, level.test.response))
             _check_test(level.name, unseen, (drive.shape[1], response.shape[1]))
-        # The model's steady state is compared with the mean over periods, without the sensor's offset.
+        # The steady state of a model has no offset; the measured one is freed of the sensor's offset.
         tested, steady = (array.mean(axis=3) for array in unseen)
         steady = steady[:, channels] - steady[:, channels].mean(axis=0)
         weighted = measured
@@ -168,21 +168,21 @@ class FrequencyAnalysis(Analysis):
 
 
 class _Data(NamedTuple):
-    """Data of one drive amplitude (level), for the fit and for verification."""
+    """Data of one drive amplitude (level). Held-out data are means over the periods, for verification."""
 
     level: Level
-    measured: xr.Dataset  # frequency response with its standard deviation
-    weighted: xr.Dataset  # response with the deviations that weight the fit
-    drive: NDArray[np.float64]  # held-out drive: (samples, inputs, realisations)
-    steady: NDArray[np.float64]  # measured response to the held-out drive: (samples, outputs, realisations)
-    first: tuple[NDArray[np.float64], NDArray[np.float64]]  # drive and response of realisation 1
+    measured: xr.Dataset  # from the fitted realisations, with its standard deviation
+    weighted: xr.Dataset  # the same response, with the deviations that weight the fit
+    drive: NDArray[np.float64]  # held-out drives: (samples, inputs, realisations)
+    steady: NDArray[np.float64]  # measured responses: (samples, outputs, realisations)
+    first: tuple[NDArray[np.float64], NDArray[np.float64]]  # drive and response of the first realisation
 
 
 class _Level(NamedTuple):
     level: Level
     data: _Data
     fits: list[Fit]
-    scores: list[tuple[float, float]]  # r² and rms error [m] on the held-out data, by model
+    scores: list[tuple[float, float]]  # r² and rms error [m] on held-out data, by model
     in_time: Fit | None
 
 
@@ -200,9 +200,9 @@ def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
 
 
 def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tuple[int, int]) -> None:
-    """Raise AnalysisError unless drive and response in `test` have equal lengths and the right `channels`.
+    """Raise AnalysisError unless drive and response to `test` the level `name` have the right shapes.
 
-    These are the numbers of inputs and outputs of the level.
+    They must be alike but for the numbers of inputs and outputs of the level, `channels`.
     """
     drive, response = (array.shape for array in test)
     if (drive[0], *drive[2:]) != (response[0], *response[2:]) or (drive[1], response[1]) != channels:
@@ -215,7 +215,7 @@ def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tupl
 def _static_gain(fit: Fit) -> Number:
     """Return the static gain from the first input to the first output, m/V, with its 95 % interval.
 
-    It is the sum of the gains of all modes and of the remainder (faster modes).
+    It is the sum of the gains of all modes and of the remainder, which represents faster modes.
     """
     rest = next(p.name for p in fit.parameters if p.name.startswith("remainder"))
     names = [f"gain_{m}{rest.removeprefix('remainder')}" for m in range(1, len(fit.model.gain) + 1)] + [rest]
@@ -288,7 +288,7 @@ def _document(analysis: FrequencyAnalysis, results: list[_Level], one: OneModel 
 def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, list[Number]]:
     """Return the quantities that are shown over the amplitude, by name; each list has a number per level.
 
-    They are the static gain, and frequency and damping ratio of the modes to `follow`.
+    They are the static gain [m/V], and frequency [Hz] and damping ratio of the modes to `follow`.
     """
     followed: dict[str, list[Number]] = {"static gain": [_static_gain(r.fits[-1]) for r in results]}
     for m in analysis.follow:
@@ -339,7 +339,7 @@ def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> S
 def _amplitude_section(
     analysis: FrequencyAnalysis, results: list[_Level], followed: dict[str, list[Number]]
 ) -> Section:
-    """Return the section on the change of the `followed` quantities with the amplitude."""
+    """Return the section on the change of the `followed` quantities (see `_followed`) with the amplitude."""
     return Section(
         "Change with the amplitude",
         tables=[
@@ -368,7 +368,8 @@ def _amplitude_section(
 
 
 def _in_time_section(analysis: FrequencyAnalysis, r: _Level, in_time: Fit) -> Section:
-    """Return the section that compares the modes of a level with a fit in the time domain."""
+    """Return the section that compares the modes of a level, `r`, with `in_time`, a fit in the time
+    domain."""
     columns = ("frequency, by response", "damping, by response", "frequency, in time", "damping, in time")
     return Section(
         f"The same modes fitted in time, {r.level.name}",

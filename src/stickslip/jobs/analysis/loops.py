@@ -90,7 +90,10 @@ class LoopAnalysis(Analysis):
     recordings: list[RecordingFile]
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit and verify every law; return a report with the ranking, and details of the best prediction."""
+        """Fit and verify every law; return a report with the ranking, and details of the best prediction.
+
+        Raises the errors of `read_parts`, and AnalysisError, QuantityError or FitError for a law.
+        """
         parts = read_parts(self.recordings, folder)
         data = {
             use: [self._turned(parts[r.label]) for r in self.recordings if r.use == use]

@@ -29,9 +29,10 @@ def _whole(value: Any, most: float) -> bool:
 
 
 def _modes(value: Any) -> int | Starts:
-    """Return a checked number of modes, or the checked initial values of the modes, in SI.
+    """Check the field `modes`: return a number of modes, or initial values of the modes in SI.
 
-    Initial values are pairs of natural frequency [Hz] and damping ratio. Raises the error of `refused`.
+    Initial values are pairs of natural frequency [Hz] and damping ratio. Raises the error of `refused` for
+    anything else, such as a number above `MOST_MODES`.
     """
     if _whole(value, MOST_MODES):
         return value
@@ -53,7 +54,10 @@ def _modes(value: Any) -> int | Starts:
 
 
 def _outputs(value: Any) -> tuple[int, ...]:
-    """Return the checked numbers of one output or several, counted from 1; raises the error of `refused`."""
+    """Check the field `output`: return the numbers of the outputs, counted from 1, as a tuple.
+
+    Raises the error of `refused` for anything else.
+    """
     given = value if isinstance(value, list | tuple) else [value]
     if not given or not all(_whole(o, np.inf) for o in given) or len(set(given)) < len(given):
         raise refused(f"{value!r} is no output, counted from 1, and no list of different ones")
@@ -72,8 +76,8 @@ def count(modes: int | Starts) -> int:
 
 
 def started(response: xr.Dataset, modes: int | Starts) -> Starts | ModalModel:
-    """Return initial values of a modal fit: the given ones or, for a number, an identified model.
+    """Return initial values of a modal fit: the given pairs or, for a number of modes, a fitted model.
 
-    The model, with its modes and the delay, is identified from the response.
+    The model has modes and delay; it is fitted to `response`, a frequency response.
     """
     return identify_frequency(response, modes).model if isinstance(modes, int) else modes

@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from .moving import MoveFile
 
 POSITION, DRIVE = "end_effector_position", "drive_voltage"
-RESOLVED = 3.0  # smallest settling window that the sensor resolves, in standard deviations of its noise
-_BEFORE = 0.02  # time that the figure of the approach shows before the last scan phase starts, s
+# Smallest settling window that the sensor resolves, as a multiple of the standard deviation of its noise.
+RESOLVED = 3.0
+# Time before the last scan phase (motion of the piezo to the target) from which the approach is shown, s.
+_BEFORE = 0.02
 
 
 def move_document(
@@ -48,8 +50,8 @@ def move_document(
         tuning: tuning of the loop.
         mover: controller after the run, with its history.
         recording: recording of the run.
-        found: settling of the position.
-        beliefs: limits of the plausibility check of the sensor.
+        found: settling times, overshoot and rms error of the position.
+        beliefs: thresholds beyond which the sensor's reading is rejected.
     """
     there = mover.settled_at is not None
     took = Number(
@@ -147,7 +149,10 @@ def _course(file: MoveFile, aim: Aim, mover: Mover, recording: xr.Dataset, found
 
 
 def _said_steps(aim: Aim, recording: xr.Dataset, found: Settling) -> str:
-    """Return a sentence if noise or converter steps of the sensor hide the settling windows, otherwise ""."""
+    """Return a sentence if the sensor does not resolve the settling windows, otherwise "".
+
+    The cause is the noise of the sensor, or the step between its readings if its values are quantised.
+    """
     hidden = [one for one in found.windows if one < RESOLVED * found.noise]
     if hidden:
         return (

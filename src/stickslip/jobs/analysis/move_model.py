@@ -36,14 +36,15 @@ class Aim(NamedTuple):
     hold_within: float | None
 
     def said(self, value: float) -> str:
-        """Return the value as text with its unit."""
+        """Return a position as text with its unit, such as "10 nm"."""
         return with_prefix(value, self.unit)
 
 
 def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:
-    """Return the inverse of the piezo model for a controller with an update rate [Hz].
+    """Return the inverse of the model's piezo, from positions [m, rad] to voltages; None without inverse.
 
-    It is None if the model has no hysteresis, or a hysteresis or creep without an inverse.
+    There is one for play operators (`PrandtlIshlinskii`) without creep or with `Creep`. `rate` is the
+    controller's update rate [Hz].
     """
     piezo = model.piezo
     if piezo is None or not isinstance(piezo.hysteresis, PrandtlIshlinskii):
@@ -52,10 +53,11 @@ def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:
 
 
 def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
-    """Return alternative models, two for each field: with the field at either end of its relative spread.
+    """Return two alternative models for each field in `spread`, at either end of its uncertainty.
 
     `spread` has the relative uncertainty by name of a field of the actuator or its friction law: 0.05 gives
-    0.95 and 1.05 times the value. Raises QuantityError for a wrong name or number.
+    0.95 and 1.05 times the value. Raises QuantityError for an unknown name, or an uncertainty not between 0
+    and 1.
     """
     found = []
     for name, share in spread.items():
@@ -70,9 +72,10 @@ def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
 
 
 def at_intervals(model: Actuator, results: Path) -> list[Actuator]:
-    """Return alternative models, two for each fitted parameter: at either end of its interval.
+    """Return two alternative models for each fitted parameter, at either end of its interval.
 
-    `results` is the path of a results.json. Raises QuantityError if an interval has no end.
+    `results` is the path of a results.json. Raises QuantityError if it contains no results, or if an interval
+    has no end or an end that the parameter cannot have.
     """
     with damaged(QuantityError, f"{results}: no results of an identification"):
         return list(_at_intervals(model, results))
@@ -95,15 +98,15 @@ def _at_intervals(model: Actuator, results: Path) -> Iterator[Actuator]:
 
 
 def _allowed(model: Actuator, name: str, value: float) -> bool:
-    """Return True if the parameter `name` of the model, or of its law, can have the value (in SI)."""
+    """Return True if the parameter `name` of the actuator or its friction law can have the value (in SI)."""
     quantity = quantity_of(model, None, name)
     return quantity is None or bool(quantity.allows(float(value)))
 
 
 def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:
-    """Return models with the values of at most `MOST_DRAWS` draws, evenly selected.
+    """Return models with the values of draws: of all, or of `MOST_DRAWS` evenly selected ones.
 
-    `draws` has arrays [n] in SI by name of a parameter.
+    `draws` has arrays [n] in SI by name of a parameter. Raises QuantityError for a value that is not allowed.
     """
     columns = {name: np.asarray(one, dtype=float) for name, one in draws.items()}
     size = next(iter(columns.values())).size
@@ -112,14 +115,21 @@ def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:
 
 
 def changed_in(model: Actuator, values: Mapping[str, float]) -> Actuator:
-    """Return the model with other values, in SI, of fields of the actuator and of its friction law."""
+    """Return the model with the given values of fields of the actuator or its friction law, in SI by name.
+
+    Raises QuantityError for an unknown name, or a value that is not allowed.
+    """
     law = {name: value for name, value in values.items() if name in model.friction._fields}
     own = {name: value for name, value in values.items() if name not in law}
     return model.replace(friction=model.friction._replace(**law), **own)
 
 
 def _intervals(numbers: Any) -> Iterator[tuple[str, Any]]:
-    """Yield name and interval (lower and upper end) of all parameters in a results.json, at any depth."""
+    """Yield name and interval of every parameter in the numbers of a results.json.
+
+    All mappings "parameters" at any depth of `numbers` are searched. An interval is a list of two ends, None
+    for an unknown one.
+    """
     for key, inner in numbers.items() if isinstance(numbers, dict) else ():
         if key == "parameters" and isinstance(inner, dict):
             for name, one in inner.items():

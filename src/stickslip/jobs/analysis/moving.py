@@ -81,11 +81,11 @@ class SlipSpec(fields_of(Slip)):
     current: Quantity | None = None
 
     def slip(self, bench: Bench, walk: Stepping) -> Slip:
-        """Return the edge; raises AnalysisError if both a duration and a current are given.
+        """Return the fast edge as a `Slip`; raises AnalysisError if both a duration and a current are given.
 
         Args:
             bench: bench with the capacitance of the piezo.
-            walk: stepping motion with the height of the edge (amplitude).
+            walk: stepping motion with the height of the edge (amplitude), V.
         """
         if self.current is None:
             return Slip(**self.given)

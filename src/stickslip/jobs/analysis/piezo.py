@@ -60,7 +60,9 @@ class PiezoAnalysis(
     def run(self, folder: Path, progress: Progress) -> Document:
         """Fit hysteresis and creep, predict the other recordings, and return the report.
 
-        A fit without hysteresis and creep (a straight line) is made for comparison.
+        A fit without hysteresis and creep (a straight line) is made for comparison. Raises AnalysisError if
+        no recording has 'use: fit', the errors of `read_parts`, QuantityError for a wrong requirement, and
+        FitError.
         """
         requirements = [Requirement.parse(text) for text in self.require]
         model = named_model(folder, self.model) if self.model else None

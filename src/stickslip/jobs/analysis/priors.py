@@ -11,9 +11,10 @@ from ...report import Column, Document, Number, Section, Table
 
 
 def with_priors(document: Document, found: Sequence[PriorInfluence]) -> Document:
-    """Return a report with a section on the effect of each prior; unchanged if there are no priors.
+    """Return a report with the effect of each prior added; unchanged if `found` is empty.
 
-    A sentence on each prior is added to the summary; it says if the recordings contradict the prior.
+    A sentence on each prior is added to the summary; it says if the recordings contradict the prior. A
+    section with a table is added to the sections, and "priors" to the numbers.
     """
     if not found:
         return document
@@ -26,12 +27,12 @@ def with_priors(document: Document, found: Sequence[PriorInfluence]) -> Document
 
 
 def priors_summary(found: Sequence[PriorInfluence]) -> str:
-    """Return a sentence on the effect of each prior."""
+    """Return a sentence on the effect of each prior, all in one text."""
     return " ".join(f"{one.sentence}." for one in found)
 
 
 def priors_section(found: Sequence[PriorInfluence]) -> Section:
-    """Return a report section with a table of the estimates without and with the priors."""
+    """Return a report section with a table: prior, estimates without and with it, and their difference."""
     rows = [
         (
             one.parameter.name,
@@ -59,7 +60,11 @@ def priors_section(found: Sequence[PriorInfluence]) -> Section:
 
 
 def prior_numbers(found: Sequence[PriorInfluence]) -> dict[str, Any]:
-    """Return the effects of the priors for results.json, by parameter; see `PriorInfluence`."""
+    """Return the effects of the priors for results.json, by name of the parameter, as in `PriorInfluence`.
+
+    "prior" is the prior with its standard deviation; "without" and "with" are the estimates without and with
+    it.
+    """
     return {
         one.parameter.name: {
             "prior": Number(one.prior[0], one.parameter.unit, standard_error=one.prior[1]),

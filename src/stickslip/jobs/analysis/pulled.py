@@ -49,7 +49,11 @@ class PulledAnalysis(Analysis, arguments_of(identify_pulled_slider, "tied")):
     recordings: list[PulledRecording]
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit the friction and predict the other recordings; return the report."""
+        """Fit the friction to one recording and predict the others; return the report.
+
+        Raises AnalysisError unless exactly one recording has 'use: fit', the errors of `read_parts`, and
+        FitError.
+        """
         fitted = [r for r in self.recordings if r.use == "fit"]
         if len(fitted) != 1:
             raise AnalysisError(
@@ -124,9 +128,10 @@ class PulledAnalysis(Analysis, arguments_of(identify_pulled_slider, "tied")):
 
 
 class _Predicted(NamedTuple):
-    """A recording and its simulation: the stick-slip events of both, and the recorded and simulated force.
+    """A recording and its simulation.
 
-    `role` is "fitted" or "predicted".
+    `role` is "fitted" or "predicted". `measured` and `model` are the stick-slip events in both, and `traces`
+    the recorded and the simulated spring force over the slider's weight.
     """
 
     label: str
@@ -148,7 +153,7 @@ class _Predicted(NamedTuple):
 
 
 def _coefficients(fit: Fit) -> tuple[float, float]:
-    """Return the static and the dynamic friction coefficient of a fit."""
+    """Return the static and the dynamic friction coefficient of a fit, in this order."""
     dynamic = fit.values["dynamic_coefficient"]
     return dynamic + fit.values["stiction_excess"], dynamic
 
@@ -161,7 +166,7 @@ def _predicted(label: str, recording: xr.Dataset, rig: PulledRig, fit: Fit, fitt
 
 
 def _verified(unseen: list[_Predicted], right: int) -> str:
-    """Return a sentence on the predictions of recordings that were not fitted; "" if there are none.
+    """Return a sentence on the predictions of recordings that were not fitted; "" without such recordings.
 
     `right` is the number of them whose regime (such as stick-slip) was predicted rightly.
     """

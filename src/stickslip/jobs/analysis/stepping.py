@@ -43,7 +43,10 @@ class PositionerSpec(Strict):
     options: dict[str, Any] = Field(default_factory=dict)
 
     def made(self, folder: Path) -> Positioner:
-        """Return the positioner, connected; `folder` is the folder of a user's own positioner class."""
+        """Return the positioner, connected; `folder` is the folder of a user's own positioner class.
+
+        Raises RegistryError for an unknown kind, and RigError if the device does not answer.
+        """
         return registry.positioners.find(self.kind, folder)(**self.options)
 
 

@@ -44,7 +44,11 @@ class StribeckAnalysis(Analysis):
     tied: dict[str, str] = Field(default_factory=dict)
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit the curve to the points; return the report."""
+        """Fit the curve to the points; return the report.
+
+        Raises RecordingError if the points cannot be read, and FitError or QuantityError from
+        `identify_stribeck`.
+        """
         progress("fitting the points", 0.0)
         points = read_points(self.points.path(folder), self.points.columns, self.points.units)
         fit = identify_stribeck(

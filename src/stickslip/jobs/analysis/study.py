@@ -90,7 +90,10 @@ class DrawsSpec(Strict):
     seed: Annotated[int, Field(ge=0)] = 0
 
     def part(self, folder: Path, model: Actuator) -> Draws:
-        """Return the draws of the parameters of `model`; raises InputFileError, QuantityError, FitError."""
+        """Return the draws of the parameters of `model`, or all columns of the table.
+
+        `folder` is the folder of the study file. Raises InputFileError, QuantityError or FitError.
+        """
         if (self.fit is None) == (self.file is None):
             raise InputFileError("draws has either 'fit' or 'file'")
         if self.fit is not None:
@@ -214,7 +217,8 @@ def study_of_file(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> 
         raise InputFileError(f"{path}: kind: a study file has the kind 'study', not {content['kind']!r}")
     try:
         study = StudyFile.model_validate(content).study(Path(path).parent)
-        _ = study.axes  # computed here, so that the message of an error in it names the file
+        # The axes are computed here already, so that the message of an error in them names the file.
+        _ = study.axes
         return study
     except ValidationError as error:
         raise explain(path, error, content=content) from error

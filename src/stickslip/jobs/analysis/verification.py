@@ -52,7 +52,10 @@ class VerificationAnalysis(Analysis, ModelOrFit):
     require: list[str] = Field(default_factory=list)
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Predict all recordings and check the requirements; return the report."""
+        """Predict all recordings and check the requirements; return the report.
+
+        Raises the errors of `load_model` and `read_parts`, and AnalysisError for a wrong requirement.
+        """
         for text in self.require:
             Requirement.parse(text)
         predictor, chain = self._predictor(folder)
@@ -118,13 +121,14 @@ def _verified(
 ) -> Verification:
     """Predict recordings as in the campaign that found the chain; return the verification.
 
-    The recordings are cut, freed of their bias, scaled and aligned with their drives in the same way.
+    The recordings are cut, freed of their bias, scaled and aligned with their drives as in the campaign.
 
     Args:
         predictor: model and signal chain.
-        chain: signal chain of the position channel, with scale and slew rate of the campaign.
+        chain: signal chain of the position channel, with the scale and slew rate of the campaign.
         parts: recordings by name.
-        drives: drive of each recording; None: the recording names or shows it.
+        drives: waveform of each recording by its name; None: the recording's attributes or its channel
+            drive_voltage show the drive.
     """
     found = []
     for (name, part), drive in zip(parts.items(), drives, strict=True):
@@ -170,7 +174,8 @@ def verification_analysis(
             raise AnalysisError(
                 f"{path}: name the recordings to predict: stickslip verify {path.name} my.csv"
             )
-        # Read before the recordings, so that a file without a model is reported before missing columns are.
+        # The model is read before the recordings, so that a file without a model is reported before missing
+        # columns.
         model_and_chain(path)
         named, said = _pairs("--column", columns), _pairs("--unit", units)
         entries = [_entry(Path(file), named, said) for file in recordings]

@@ -47,7 +47,10 @@ class WalkRecording(RecordingFile):
     drive: DriveSpec | None = None
 
     def waveform(self, folder: Path) -> Waveform | None:
-        """Return the drive, None for the channel drive_voltage; raises QuantityError for wrong fields."""
+        """Return the recording's drive, None if the channel drive_voltage is the drive.
+
+        `folder` is the folder of the input file. Raises QuantityError for wrong fields.
+        """
         if self.drive is None:
             return None
         return drive_of(self.drive if isinstance(self.drive, list) else [self.drive], {}, folder)
@@ -92,7 +95,11 @@ class WalkAnalysis(
         return model
 
     def run(self, folder: Path, progress: Progress) -> Document:
-        """Fit the recordings with `use: fit`, predict the others, and return the report."""
+        """Fit the recordings with 'use: fit', predict the others, and return the report.
+
+        Raises the errors of `check` and `read_parts`, RecordingError for an unsuitable recording, and
+        FitError.
+        """
         model = self.check(folder)
         parts = read_parts(self.recordings, folder)
         data = {r.label: (r, parts[r.label], r.waveform(folder)) for r in self.recordings}

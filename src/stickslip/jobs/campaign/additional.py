@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_EVALUATIONS = 250  # largest number of simulations of all walks in the fit of each candidate law
+_EVALUATIONS = 250  # largest number of simulations of all walks in the fit of one law
 # Upper bound of the delay in fits of other laws, as a multiple of the identified delay.
 _LONGEST_DELAY = 10.0
 
@@ -45,7 +45,10 @@ class Additional(NamedTuple):
 
 
 class Walked(NamedTuple):
-    """A friction fit, its walks, the walks that it did not use, and the stage's fit (None without steps)."""
+    """Walks of a campaign: those that the friction fit used (`fitted`), and the others (`unseen`).
+
+    `friction` is the friction fit, and `stage` the fit of the stage, None without steps.
+    """
 
     friction: Fit
     fitted: list[Aligned]
@@ -54,7 +57,7 @@ class Walked(NamedTuple):
 
     @property
     def recordings(self) -> list[xr.Dataset]:
-        """Recordings of the walks that the fit used."""
+        """Return the recordings of the walks that the fit used."""
         return [one.recording for one in self.fitted]
 
 
@@ -124,16 +127,17 @@ def additional(
 
 
 def attempted(what: str, analysis: Callable[[], T], failures: list[str]) -> T | None:
-    """Return the result of an analysis; if it fails, return None and append a sentence to `failures`.
+    """Return the result of an analysis. On any exception append a sentence to `failures` and return None.
 
     Args:
         what: name of the analysis, the subject of the sentence.
-        analysis: function that returns the result.
-        failures: list of sentences on failures.
+        analysis: takes nothing; returns the result.
+        failures: list of sentences on failures, which is extended.
     """
     try:
         return analysis()
-    except Exception as error:  # any error: the fits took long, and are valid without this analysis
+    except Exception as error:
+        # Any error is caught: the fits took long, and are valid without this analysis.
         said = str(error) if isinstance(error, ValueError) else repr(error)
         failures.append(f"{what} failed: {' '.join(said.split())}")
         return None

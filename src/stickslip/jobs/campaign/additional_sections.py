@@ -15,7 +15,10 @@ from .stage import unit_of
 
 
 def additional_numbers(found: CampaignResult) -> dict[str, Any]:
-    """Return the results of the optional analyses for results.json, by analysis; {} without any."""
+    """Return the results of the optional analyses for results.json; {} without any.
+
+    Keys: "profiles" (intervals by parameter), "posterior" and "model_choice", if these analyses were made.
+    """
     more, numbers = found.additional, {}
     if more.profiles is not None:
         numbers["profiles"] = {

@@ -26,7 +26,7 @@ from ...physics.actuator import Actuator
 from ..analysis.alignment import Aligned
 from .budget import LEVEL, Inherited
 
-_TOLERANCE = 1e-10  # tolerance of the simulations for derivatives, m (rad)
+_TOLERANCE = 1e-10  # error tolerance of simulated positions for derivatives, m (or rad)
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,9 @@ def walk_bands(
     slew_rate: float | None,
     stages: Sequence[Actuator] = (),
 ) -> list[Array] | None:
-    """Return the half widths [n] of the 95 % bands of walks, m; None for a law without derivatives.
+    """Return the half widths of the 95 % bands of the position, an array [samples] for each walk.
+
+    They are in m, or rad for a rotary actuator. The result is None for a friction law without derivatives.
 
     Args:
         fit: friction fit.
@@ -73,7 +75,10 @@ def walk_bands(
 
 
 def step_bands(stage: Fit, steps: Sequence[Aligned]) -> list[tuple[NDArray[np.intp], Array]]:
-    """Return for each step the indices of the fitted samples, and the half widths of their 95 % bands, m.
+    """Return the 95 % bands of the fit of the steps, a pair for each step.
+
+    The pair has the indices of the fitted samples in the recording, and the half widths of the band there, m
+    or rad.
 
     Args:
         stage: fit of the steps.

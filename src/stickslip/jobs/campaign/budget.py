@@ -30,16 +30,17 @@ from ..analysis.alignment import POSITION, Aligned
 from .gathering import SensorScale
 
 LEVEL = 0.95  # confidence level of the intervals
-_TOLERANCE = 1e-11  # tolerance of the simulations for derivatives, m (rad)
+_TOLERANCE = 1e-11  # error tolerance of simulated positions for derivatives, m (or rad)
 
 Array = NDArray[np.float64]
 
 
 class ErrorBudget(NamedTuple):
-    """Error budget of the fitted parameters, in their units.
+    """Error budget of the fitted friction parameters, in their units.
 
-    `sources` has the standard errors by source (such as "noise of the recordings") and parameter, `total` the
-    standard error from all sources by parameter, and `intervals` the 95 % intervals by parameter.
+    `sources` has a standard error for each source of error (such as "noise of the recordings") and parameter.
+    `total` has the standard error from all sources, and `intervals` the lower and upper end of the 95 %
+    interval from all sources, by parameter.
     """
 
     sources: dict[str, dict[str, float]]
@@ -99,7 +100,8 @@ def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> Erro
         if taken.drift is not None:
             by_source["drift of the sensor"] = taken.drift @ taken.drift.T
         if scale is not None and scale.standard_error > 0:
-            # If the sensor reads too large by a factor, the identified gain is too large by the same factor.
+            # A sensor that reads too large by a factor makes the identified gain too large by the same
+            # factor.
             relative = scale.standard_error / scale.value
             by_scale = moved["scale"] - (moved["gain"] * fit.model.gain if taken.stage is not None else 0.0)
             by_source["scale of the sensor"] = relative**2 * np.outer(by_scale, by_scale)
@@ -118,15 +120,15 @@ def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> Erro
 
 
 def freed(fit: Fit) -> list[int]:
-    """Return the indices of the stage's parameters among the fitted parameters; [] if none was fitted."""
+    """Return the positions of the stage's parameters in `fit.parameters`; [] if the fit has none of them."""
     return [i for i, p in enumerate(fit.parameters) if p.name in STAGE_PARAMETERS]
 
 
 def _shares(fit: Fit) -> tuple[Array, Array]:
-    """Return the two parts of the covariance of a fit in which stage and friction were fitted at once.
+    """Split the covariance of a fit to which stage and friction were free at once; return both parts.
 
-    The first part is the covariance if the stage were known exactly; the second is the contribution of the
-    stage's uncertainty.
+    Their order is: the covariance if the stage were known exactly, and the contribution of the stage's
+    uncertainty. Both have the shape [coordinates, coordinates] and add up to the whole covariance.
     """
     whole, at = fit.uncertainty.covariance, freed(fit)
     deviations = np.sqrt(np.diag(whole)[at])
@@ -173,7 +175,8 @@ def inherited(
     size = np.linalg.norm(jacobian, axis=0)
 
     def answer(columns: Array) -> Array:
-        """Return the shift of the coordinates [coordinates, k] for k changes of the position [samples, k]."""
+        """Return the shift of the fitted coordinates [coordinates, k] by changes of the position [samples,
+        k]."""
         columns = np.concatenate([columns, np.zeros((len(held), columns.shape[1]))])
         return -np.linalg.lstsq(jacobian / size, columns, rcond=None)[0] / size[:, None]
 

@@ -237,9 +237,9 @@ Bands = Mapping[str, Any]
 
 
 def _bands(file: CampaignFile, found: CampaignResult) -> Bands:
-    """Return the half widths [n] of the 95 % prediction bands of each walk, m, by name of the walk.
+    """Return the half widths of the 95 % prediction bands, m or rad, arrays [samples] by name of the walk.
 
-    The mapping is empty for a law without derivatives.
+    The mapping is empty for a friction law without derivatives.
     """
     stages = () if found.hysteresis is None else found.hysteresis.stages
     bands = walk_bands(found.friction, found.inherited, found.walks, file.known_slew_rate, stages)
@@ -362,9 +362,10 @@ def _walks_picture(
     *,
     whole: bool = False,
 ) -> Picture:
-    """Return the figure `name` of the walks `shown`, measured and predicted, with residuals and bands.
+    """Return the figure `name` of the walks `shown`, measured and predicted, with residuals and `bands`.
 
-    `said` starts its caption. Unless `whole`, only the first part of each walk (forward) is shown.
+    `bands` are those of `_bands`, and `said` starts the caption. Unless `whole`, only the first part of each
+    drive (forward) is shown.
     """
     traces = {}
     for one in shown:

@@ -204,7 +204,7 @@ def evaluate(
 
 
 def moved(one: Aligned) -> PositionUnderDrive:
-    """Return position and drive of a recording in the form that the plausibility checks of walks take."""
+    """Return times, position and drive of a recording, as the plausibility checks `refuse_walk` take them."""
     position, name = one.recording[POSITION], one.name
     unit = str(position.attrs.get("units", "") or "m")
     drive = driven(one.recording, one.wanted, name)
@@ -232,7 +232,15 @@ class _Stage(NamedTuple):
 def _stage(
     file: CampaignFile, recordings: Sequence[Aligned], model: Actuator, progress: Progress, kept: Kept
 ) -> _Stage:
-    """Identify hysteresis and creep, then the vibration mode, as far as recordings for them exist."""
+    """Identify hysteresis and creep, then the vibration mode, as far as recordings for them exist.
+
+    Args:
+        file: the campaign.
+        recordings: all recordings of the campaign.
+        model: actuator with initial values.
+        progress: called with the current activity and the finished fraction.
+        kept: store of finished stages of the computation.
+    """
     hysteresis = None
     if any(one.use == "piezo" for one in recordings):
         progress("identifying hysteresis and creep", 0.0)
@@ -258,7 +266,14 @@ def _influence(
 ) -> tuple[PriorInfluence, ...]:
     """Return the effect of each prior on the friction fit, by comparison with a new fit without priors.
 
-    The arguments are those of `_friction`; `friction` is the fit with priors. () if there are no priors.
+    The result is () if the file has no priors.
+
+    Args:
+        file: the campaign.
+        fitted: walks with 'use: fit'.
+        model: actuator with the identified stage, at which the fit starts.
+        stage: fit of the stage; None without steps.
+        friction: friction fit with the priors.
     """
     if not file.priors:
         return ()
@@ -311,16 +326,17 @@ def _in_the_minimum_of_all(
     stage: Fit | None,
     kept: Kept,
 ) -> Fit:
-    """Return the friction fit, corrected if it has found another local minimum than the fit to all walks.
+    """Return the friction fit; if it is in another local minimum than the fit to all walks, a corrected one.
 
     If the values of the fit to all walks are far outside the intervals of the friction fit, the latter is
-    repeated with these values as the initial guess.
+    repeated with these values as the initial guess. The comparison of both decides, see
+    `with_minimum_of_all`.
 
     Args:
         file: the campaign.
-        alone: friction fit to the walks with `use: fit`.
+        alone: friction fit to the walks with 'use: fit'.
         everything: fits to all walks.
-        fitted: walks with `use: fit`.
+        fitted: walks with 'use: fit'.
         stage: fit of the stage; None without steps.
         kept: store of finished stages.
     """
@@ -332,7 +348,8 @@ def _in_the_minimum_of_all(
 
 
 def _advised(file: CampaignFile, found: Explained, walks: Sequence[Aligned]) -> Fit:
-    """Return the fit to all walks with advice on which term its model lacks."""
+    """Return the fit to all walks with advice: the term whose addition to the model best explains the
+    walks."""
     return diagnosed_together(
         found,
         [one.recording for one in walks],

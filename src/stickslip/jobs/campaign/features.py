@@ -22,7 +22,8 @@ _UNITS = dict(zip(_WHOLE, ("s", "", "m", "Hz", "1/s"), strict=True))
 
 
 def features_of(walks: Sequence[Aligned]) -> dict[str, xr.Dataset | str]:
-    """Return the features of each walk by name, see `sawtooth_features`; a text says why there are none."""
+    """Return the features of each walk by name, see `sawtooth_features`; or the reason of their lack, a
+    text."""
     found: dict[str, xr.Dataset | str] = {}
     for one in walks:
         try:
@@ -33,9 +34,10 @@ def features_of(walks: Sequence[Aligned]) -> dict[str, xr.Dataset | str]:
 
 
 def feature_numbers(features: Mapping[str, xr.Dataset | str]) -> dict[str, Any]:
-    """Return the result of `features_of` for results.json: by walk, then by direction of motion.
+    """Return the result of `features_of` for results.json, by name of the walk.
 
-    The entry "none" of a walk without features gives the reason.
+    A walk has numbers of the vibration after slips and, under "forward" and "back", numbers of its steps. A
+    walk without features has only "none", the reason. Numbers are in m; `in_turns` makes them rad.
     """
     numbers: dict[str, Any] = {}
     for name, of in features.items():
@@ -52,9 +54,9 @@ def feature_numbers(features: Mapping[str, xr.Dataset | str]) -> dict[str, Any]:
 
 
 def features_section(features: Mapping[str, xr.Dataset | str]) -> Section:
-    """Return the report section: tables of the steps and of the vibration after slips.
+    """Return the report section with tables of the steps, and of the vibration after slips.
 
-    `features` is the result of `features_of`.
+    `features` is the result of `features_of`. Lengths are in m; `in_turns` makes them rad.
     """
     steps, after, missing = [], [], []
     for name, of in features.items():
@@ -127,9 +129,10 @@ def features_section(features: Mapping[str, xr.Dataset | str]) -> Section:
 
 
 def _step_of_peaks(walk: xr.Dataset) -> Number:
-    """Return the mean step per slip of one walk, m.
+    """Return the mean step per slip of one walk, m (`in_turns` makes it rad).
 
-    It has a standard error and a 95 % interval if the walk has more than one step.
+    The result has a standard error and a 95 % interval if the walk has more than one step. `walk` is one
+    entry over "walk" of `sawtooth_features`.
     """
     net, error = float(walk["net_step"]), float(walk["net_step_error"])
     if not math.isfinite(error):

@@ -48,9 +48,9 @@ _CELLS, _OWN = "of an experiment", "of a file"
 
 
 def _kind(one: Any) -> str:
-    """Return the kind of a recording entry, so that errors are reported for this kind only.
+    """Return `CELLS` or `OWN`, the kind of a recording entry, so that errors are reported for this kind only.
 
-    `one` is the entry of the file, or its record.
+    `one` is the entry as a mapping or as a record.
     """
     if isinstance(one, dict):  # a mistyped key such as "cels" is recognised, too
         return _CELLS if "file" not in one and any(did_you_mean(str(key), ["cells"]) for key in one) else _OWN

@@ -116,7 +116,8 @@ def _own(spec: OwnRecordingSpec, file: CampaignFile, folder: Path) -> Aligned:
     except QuantityError as error:
         raise InputFileError(f"recordings: {spec.label}: {error}") from error
     try:
-        if drive is None and spec.use != "piezo":  # hysteresis needs every sample of the drive
+        # Hysteresis depends on every sample of the drive, so no waveform is put in the place of the samples.
+        if drive is None and spec.use != "piezo":
             one = aligned_by_itself(whole, spec.label, file.slew_rate)
         else:
             one = aligned(whole, drive, spec.label, file.slew_rate)
@@ -128,7 +129,7 @@ def _own(spec: OwnRecordingSpec, file: CampaignFile, folder: Path) -> Aligned:
 
 
 def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> SensorScale:
-    """Return the ratio of the position channel to a reference, from the height of each clamped step in both.
+    """Return the ratio of the position channel to a reference channel, from the heights of clamped steps.
 
     Args:
         steps: recordings of steps with the end-effector clamped.
@@ -163,8 +164,8 @@ def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Senso
 def scaled(one: Aligned, scale: float, share: float = 0.0) -> Aligned:
     """Return the recording with its position and noise divided by the scale.
 
-    `share` is the relative scale uncertainty of the reference, which the position then has, too; 0 if
-    unknown.
+    `scale` is the ratio of the position channel to the reference. `share` is the relative standard
+    uncertainty of the reference's scale, which the position gets too; 0 if unknown.
     """
     recording = with_position(one.recording, one.recording[POSITION].values / scale)
     attrs = {k: v for k, v in recording[POSITION].attrs.items() if k != SCALE_UNCERTAINTY}

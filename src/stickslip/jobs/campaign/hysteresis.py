@@ -37,20 +37,20 @@ class Hysteresis(NamedTuple):
 
     @property
     def straight_leaves(self) -> float:
-        """Ratio of the rms residual of the straight line to that of the fit with hysteresis and creep."""
+        """Return the rms residual of the straight line over that of the fit with hysteresis and creep."""
         return self.straight.rmse / self.fit.rmse
 
     @property
     def needed(self) -> bool:
         """Return True if a stage without hysteresis and creep does not explain the recordings.
 
-        The criterion is the ratio of the residuals, `straight_leaves`.
+        The criterion is `straight_leaves`, compared with the threshold `lack_ratio` of the fit's judgement.
         """
         return self.straight_leaves >= self.fit.judgement.lack_ratio
 
     @property
     def sentence(self) -> str:
-        """Words on whether the recordings need hysteresis and creep, for a sentence of the report."""
+        """Return a clause for the report: do the recordings need hysteresis and creep, and by which ratio."""
         does = "does not explain" if self.needed else "explains"
         return (
             f"a stage without hysteresis and creep {does} these recordings: it leaves "
@@ -58,16 +58,17 @@ class Hysteresis(NamedTuple):
         )
 
     def refitted(self, stage_of: Callable[[Actuator], Fit]) -> Hysteresis:
-        """Return a copy in which each alternative stage has the mode and gain that the steps give for it.
+        """Return a copy whose alternative stages have the vibration mode and gain that the steps give.
 
-        `stage_of` is the function that fits the steps with the hysteresis of a given actuator.
+        `stage_of` takes an actuator with hysteresis; it returns the fit of the steps with this hysteresis.
         """
         return self._replace(stages=tuple(stage_of(one).model for one in self.stages))
 
     def widened(self, stage: Fit) -> Fit:
-        """Return the fit of the steps, `stage`, with the errors of hysteresis and creep in its covariance.
+        """Return a fit of the steps whose covariance also contains the errors of hysteresis and creep.
 
-        The added covariance is that of the stage's parameters over the alternative stages.
+        `stage` is the fit. The added covariance is that of its parameters over the alternative stages
+        (jackknife).
         """
         at = [i for i, p in enumerate(stage.parameters) if p.name in STAGE_PARAMETERS]
         kept = [stage.parameters[i] for i in at]

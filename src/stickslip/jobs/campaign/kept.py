@@ -156,7 +156,11 @@ def _source(law: type) -> bytes:
 
 
 def _parts(one: Aligned) -> Iterable[bytes]:
-    """Yield everything in a recording on which a fit depends, as bytes for a hash."""
+    """Yield the data of a recording that identify it in a hash, as bytes.
+
+    They are name, use, start, noise, units and values of all variables, and the drives; other attributes are
+    left out.
+    """
     yield repr((one.name, one.use, one.begin, one.noise, one.forward)).encode()
     for name in sorted(map(str, one.recording.variables)):
         values = one.recording[name]

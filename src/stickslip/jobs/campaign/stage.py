@@ -19,7 +19,7 @@ _BEFORE = 0.225
 
 
 def unit_of(fit: Fit, name: str) -> str:
-    """Return the unit of a parameter of a fit, given its name."""
+    """Return the unit of the parameter `name` of a fit, such as "N s/m"."""
     return next(p.unit for p in fit.shown if p.name == name)
 
 

@@ -35,7 +35,7 @@ def stage_words(file: CampaignFile, found: CampaignResult) -> str:
 
 
 def _without_steps(found: CampaignResult, rest: list[str], what: str) -> list[str]:
-    """Return sentences on the origin of the stage's parameters if the campaign has no recordings of steps.
+    """Return sentences on the origin of the stage's parameters, for a campaign without recordings of steps.
 
     Args:
         found: result of the campaign.
@@ -68,9 +68,9 @@ def stage_heading(file: CampaignFile, found: CampaignResult, source: str) -> str
 
 
 def band_words(file: CampaignFile, found: CampaignResult, *, drawn: bool) -> str:
-    """Return the sources of error that the prediction bands of a figure contain, as words for its caption.
+    """Return words on the sources of error that prediction bands contain, for the caption of a figure.
 
-    `drawn` is False if the bands contain only the noise of the fit.
+    `drawn` is False if the friction law has no derivatives; the bands then contain only the noise of the fit.
     """
     if not drawn:
         return "the fit's noise alone; this law has no derivatives, which the errors of parameters need"
@@ -86,9 +86,9 @@ def _asked_for(file: CampaignFile) -> list[str]:
 
 
 def _held_by_steps(file: CampaignFile, found: CampaignResult) -> bool:
-    """Return True if stage and friction were fitted at once, with the steps' information on the stage.
+    """Return True if the stage's parameters were free in the friction fit, with the steps as a prior.
 
-    The fit then has free stage parameters that the file does not request.
+    Such a fit has free stage parameters that the file does not request.
     """
     names = {found.friction.parameters[i].name for i in freed(found.friction)}
     return found.stage is not None and bool(names - {*_asked_for(file)})

@@ -32,10 +32,10 @@ class Inspected(NamedTuple):
 
     @property
     def waveform(self) -> str:
-        """Line on the drive in the recording's entry of a campaign file.
+        """Return the line on the drive for the recording's entry in a campaign file.
 
-        It is the key `waveform`, a comment if no waveform describes the drive completely, or "" if no drive
-        was recognised.
+        The line is the key `waveform`, a comment if no waveform describes the drive completely, or "" if no
+        drive was recognised.
         """
         if self.taken is None:
             return ""

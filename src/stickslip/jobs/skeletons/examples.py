@@ -13,16 +13,17 @@ from ...waveform.periodic import Sawtooth
 from ...waveform.sequence import Sequence
 from ...waveform.shapes import Rest, Step
 
-REST, NOISE = 0.1, 20e-9  # time before the drive starts, s; rms noise of the position, m
-# Amplitudes of the walks, V, with their sample rates, Hz; amplitude of the clamped step, V.
+# REST: time before the drive starts, s. NOISE: standard deviation of the position's noise, m.
+REST, NOISE = 0.1, 20e-9
+# _WALKS: sample rate, Hz, of each walk by its amplitude, V. _STEP: amplitude of the clamped step, V.
 _WALKS, _STEP = {65.0: 4e3, 75.0: 4e3}, 60.0
 
 
 def example_files(beside: Path, step: bool) -> list[Path]:
-    """Return the paths of the example recordings: a clamped step if `step`, then two walks.
+    """Return the paths of the example recordings: a clamped step if `step` is True, then two walks.
 
-    `beside` is the path of the new input file; the examples lie in its folder, and their names start with its
-    name.
+    `beside` is the path of the new input file. The examples are CSV files in its folder, with names that
+    start with its name.
     """
     names = [f"walk-{volts:g}V" for volts in _WALKS]
     names = [f"step-{_STEP:g}V", *names] if step else names
@@ -32,7 +33,7 @@ def example_files(beside: Path, step: bool) -> list[Path]:
 def write_examples(beside: Path, step: bool) -> list[Path]:
     """Simulate and write the example recordings of `example_files`; return their paths.
 
-    Existing files would be replaced; the caller must check that there are none.
+    Existing files would be replaced; the caller must check for them before.
     """
     files = example_files(beside, step)
     noise = np.random.default_rng(2007)

@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 
 
 def measured_kind(seen: list[Inspected]) -> str:
-    """Return the kind of fit that the channels of recordings allow: `LOOPS`, `PIEZO` or `WALK`.
+    """Return the kind of fit that the channels of all recordings allow: `LOOPS`, `PIEZO` or `WALK`.
 
-    It is `WALK` also if channels are missing, so that the new file names the missing ones.
+    `WALK` is also returned if channels are missing, so that the new file names the missing ones.
     """
     channels = [set(map(str, one.found.recording)) for one in seen]  # type: ignore[arg-type]
     if all(DRIVE not in one and one.issuperset(_CONTACT) for one in channels):
@@ -43,7 +43,8 @@ def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str
     position, friction = (recording[name].values for name in _CONTACT)
     force = 0.5 * float(np.ptp(friction)) or 1.0
     stiffness = force / (_YIELDS * float(np.ptp(position)) or 1.0)
-    turns = recording["position"].attrs["units"] == "rad"  # values without units are in SI: N m, N m/rad
+    # Values without units are in SI, for rotary contacts N m and N m/rad.
+    turns = recording["position"].attrs["units"] == "rad"
     units = ("", "") if turns else ("N", "N/m")
     values = {"force": force, "half": 0.5 * force}, {"stiffness": stiffness, "stiffer": 1.5 * stiffness}
     starts = {
@@ -78,16 +79,19 @@ def _fitted_first(seen: list[Inspected], folder: Path) -> list[str]:
 
 
 def _halves(one: Inspected, folder: Path) -> list[str]:
-    """Return two entries of a recording as texts: its first part is to be fitted, its last part predicted."""
+    """Return two entries of one recording as texts: its first part is to be fitted, the rest predicted.
+
+    The parts meet at `_round_between` of its times.
+    """
     at = _round_between(one.found.recording["time"].values)  # type: ignore[index]
     parts = {"fit": f"name: first part, end: {at:.9g} s", "verify": f"name: last part, start: {at:.9g} s"}
     return [listed([*said.split(", "), *entry_of(one, folder, use, ())[0]]) for use, said in parts.items()]
 
 
 def _round_between(time: Array) -> float:
-    """Return the time with the fewest digits near the end of the fitted part, s.
+    """Return a time with few digits near `_FITTED` of a recording's length, s.
 
-    `time` are the times of the recording; the result differs from the end by at most 5 % of its length.
+    `time` are the times of the samples. The result differs from the exact time by at most 5 % of the length.
     """
     length = float(time[-1] - time[0])
     at = float(time[0]) + _FITTED * length
@@ -96,9 +100,9 @@ def _round_between(time: Array) -> float:
 
 
 def _against(position: Array, friction: Array) -> bool:
-    """Return True if the friction force [N] does negative work along the position [m].
+    """Return True if the friction force (or torque) does negative work along the position.
 
-    It is then the force on the other body, and its sign must be changed.
+    Such a force is that on the other body, so its sign must be changed.
     """
     force = friction - np.mean(friction)
     return float(np.sum(np.diff(position) * (force[1:] + force[:-1]))) < 0.0

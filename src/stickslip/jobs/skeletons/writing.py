@@ -120,7 +120,8 @@ def new_file(
         with replaced_whole(target) as temporary:
             temporary.write_text(text.substitute(name=target.name, **fields), encoding="utf-8")
     except BaseException:
-        for file in examples:  # existing examples would make the next call fail
+        for file in examples:
+            # Examples that were left would make the next call fail.
             file.unlink(missing_ok=True)
         raise
     return New((target, *examples), known.command.format(target), tuple(missing))
@@ -130,9 +131,9 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
     """Return the fields of the template of a campaign or an identification, and sentences on missing data.
 
     Args:
-        seen: the recordings.
-        folder: folder of the new file.
-        steps: True for a campaign, which has clamped steps and waveforms in its entries.
+        seen: the user's recordings, or the simulated examples.
+        folder: folder of the new file, to which their paths are relative.
+        steps: True for a campaign, which has clamped steps, and waveforms in the entries of its recordings.
     """
     lines, missing, fitted = [], [], False
     for one in seen:
@@ -143,7 +144,8 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
         entry += [one.waveform] if steps and one.waveform else []
         lines.append(listed(entry))
         missing += lacking
-    if not fitted:  # steps alone: one of them must be a walk, or there is nothing to fit
+    # If all recordings are steps, the last one is taken as a walk, because a fit needs one.
+    if not fitted:
         lines[-1] = lines[-1].replace("use: step", "use: fit")
     gain, source = _gain(seen)
     missing += [source] if source and gain is None else []

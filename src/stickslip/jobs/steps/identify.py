@@ -30,7 +30,8 @@ Analysis = Annotated[
     Field(discriminator="kind"),
 ]
 _ANALYSIS: TypeAdapter[Any] = TypeAdapter(Analysis)
-_TELLING = ("steps", "runs", "kind")  # keys that show that a file is no campaign
+# Keys of other kinds of files. A misspelt one is reported as such, and not as a wrong key of a campaign.
+_TELLING = ("steps", "runs", "kind")
 
 
 def _read(content: dict[str, Any]) -> Any:
