@@ -1,12 +1,15 @@
 r"""Discrete blocks of a regulator: PID with anti-windup, notch, low-pass.
 
-With the sample time T = 1/f_s and the error e_k, filtered by notches and low-pass to v_k [astrom2006]:
+With the sample time T = 1/f_s, the target r_k, and the position error e_k, which notches and low-pass filter
+to v_k, the output voltage is u_k [astrom2006]:
 
 .. math:: i_k = i_{k-1} + K_i T v_k, \qquad
           d_k = a\,d_{k-1} + (1 - a)\,\frac{v_k - v_{k-1}}{T}, \quad a = e^{-2\pi f_d T}, \qquad
           u_k = K_p v_k + i_k + K_d d_k + K_f r_k
 
-Notch and low-pass are of second order, made discrete by the bilinear transform with their frequency kept.
+The derivative d_k passes a low-pass of first order with the corner frequency f_d. Notch and low-pass are of
+second order. The bilinear transform makes them discrete, and is scaled so that their frequency does not
+change.
 """
 
 from __future__ import annotations
@@ -31,12 +34,13 @@ _FEEDFORWARD = Quantity("V/m", "K_f", "the voltage per wanted position")
 
 
 class ControlWarning(UserWarning):
-    """Warning: a loop may perform worse than its numbers say, by noise above its tolerance or a mode above
-    half its rate."""
+    """Warning: a loop may perform worse than its margins or its tolerance promise, because of noise above a
+    third of the tolerance, or a vibration mode that the update rate does not resolve."""
 
 
 def whole_number(value: Any, field: str) -> int:
-    """Return the value as int; raise QuantityError unless it is a whole number >= 0."""
+    """Return an int (also of NumPy) as Python's int; raise QuantityError, which names the argument `field`,
+    for a negative one and any other type, such as 3.0 or True."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
         raise QuantityError(f"{field} = {value!r:.60}: it must be a whole number >= 0")
     return int(value)
@@ -53,8 +57,11 @@ def below_half(frequency: float, rate: float, field: str) -> None:
 
 @record
 class Pid(NamedTuple):
-    """Gains of a PID regulator of the position error; `roll_off` is the corner frequency of its
-    derivative."""
+    """Gains of a PID regulator from the position error to the voltage.
+
+    Fields: `integral` K_i, V/(m s); `proportional` K_p, V/m; `derivative` K_d, V s/m; `roll_off` f_d, Hz,
+    corner frequency of the low-pass of the derivative.
+    """
 
     integral: Annotated[float, Quantity("V/(m*s)", "K_i", "integral gain", minimum=0)]
     proportional: Annotated[float, Quantity("V/m", "K_p", "proportional gain", minimum=0)] = 0.0
@@ -64,30 +71,34 @@ class Pid(NamedTuple):
 
 @record
 class Notch(NamedTuple):
-    r"""Notch filter (s² + 2 ζ d ω s + ω²) / (s² + 2 ζ ω s + ω²); at its frequency the signal is multiplied by
-    d."""
+    r"""Notch filter (s² + 2 ζ d ω s + ω²) / (s² + 2 ζ ω s + ω²).
+
+    Fields: `frequency` ω/2π, Hz, at which the signal is multiplied by the `depth` d (0 to 1); `width` ζ, half
+    the width of the notch over its frequency.
+    """
 
     frequency: Annotated[float, Quantity("Hz", "f_n", "frequency", above=0)]
     width: Annotated[float, Quantity("", "ζ", "half its relative width", above=0, maximum=10)] = 0.5
     depth: Annotated[float, Quantity("", "d", "what is left at its frequency", minimum=0, maximum=1)] = 0.1
 
     def coefficients(self, rate: float) -> Coefficients:
-        """Return the coefficients b0, b1, b2, a1, a2 at an update rate [Hz]; raise QuantityError for a
-        frequency above half of it."""
+        """Return the coefficients b0, b1, b2, a1, a2 of a `Biquad` at an update rate [Hz]; raise
+        QuantityError unless the notch frequency is below half of it."""
         wide = 2.0 * self.width
         return _bilinear(self.frequency, rate, "Notch.frequency", (1.0, wide * self.depth, 1.0), wide)
 
 
 @record
 class LowPass(NamedTuple):
-    """Low-pass filter of second order, ω² / (s² + 2 ζ ω s + ω²)."""
+    """Low-pass filter of second order, ω² / (s² + 2 ζ ω s + ω²), with the `corner` frequency ω/2π, Hz, and
+    the `damping` ratio ζ."""
 
     corner: Annotated[float, Quantity("Hz", "f_c", "corner", above=0)]
     damping: Annotated[float, Quantity("", "ζ", "damping ratio", above=0, maximum=10)] = math.sqrt(0.5)
 
     def coefficients(self, rate: float) -> Coefficients:
-        """Return the coefficients b0, b1, b2, a1, a2 at an update rate [Hz]; raise QuantityError for a corner
-        frequency above half of it."""
+        """Return the coefficients b0, b1, b2, a1, a2 of a `Biquad` at an update rate [Hz]; raise
+        QuantityError unless the corner frequency is below half of it."""
         return _bilinear(self.corner, rate, "LowPass.corner", (0.0, 0.0, 1.0), 2.0 * self.damping)
 
 
@@ -118,7 +129,11 @@ def _bilinear(
 
 
 class Biquad:
-    """Second-order filter section (biquad) that is computed tick by tick, from rest."""
+    """Digital filter of second order, computed tick by tick, from rest.
+
+    Args:
+        coefficients: b0, b1, b2, a1, a2 of (b0 + b1 z⁻¹ + b2 z⁻²) / (1 + a1 z⁻¹ + a2 z⁻²).
+    """
 
     def __init__(self, coefficients: Coefficients) -> None:
         self.coefficients = coefficients
@@ -133,14 +148,15 @@ class Biquad:
         return out
 
     def reset(self) -> None:
-        """Set the section to rest."""
+        """Set the filter to rest: all earlier inputs are taken as 0."""
         self._s1 = self._s2 = 0.0
 
 
 class Regulator:
     """PID regulator behind notches and a low-pass, with feedforward and voltage limits.
 
-    At a limit of the output, the integral does not move further beyond it (anti-windup).
+    At a limit of the output, the integral does not move further beyond it (anti-windup). Positions are in m,
+    or in rad for a rotary actuator.
 
     Args:
         pid: gains.
@@ -195,7 +211,8 @@ class Regulator:
             section.reset()
         self._integral, self._from, self._target = voltage, target, target
         self._slope = self._last = 0.0
-        # `step` adds the output of the inverse to the integral: subtract its present value, for no jump.
+        # `step` adds the inverse's voltage to the integral. Its present voltage is subtracted here, so that
+        # the output does not jump.
         if self.inverse is not None:
             self._inverted_from = self.inverse.position
             self._integral -= self.inverse.volts
@@ -239,9 +256,9 @@ class Regulator:
         return found
 
     def state_space(self) -> tuple[Array, Array, Array, float]:
-        """Return the matrices A, B, C, D of the regulator without feedforward and limits: x' = A x + B e,
-        u = C x + D e, with the states x, the states x' at the next tick, the error e [m] and the voltage u
-        [V]."""
+        """Return A (n, n), B (n,), C (n,) and D (a number) of the regulator without feedforward and limits:
+        x' = A x + B e, u = C x + D e, with the states x (filters first, then the PID's three), the states x'
+        at the next tick, the error e [m] and the voltage u [V]."""
         rows = [(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)]
         rows += [_section(section.coefficients) for section in self.sections]
         a, b, c, d = rows[0]
@@ -250,7 +267,7 @@ class Regulator:
             b, c, d = np.append(b, b2 * d), np.append(d2 * c, c2), d * d2
         pid, keep = self.pid, self.fading
         slope = pid.derivative * self.rate * (1.0 - keep)
-        # States of the PID: integral, low-pass of the derivative, last value of the filtered error.
+        # States of the PID: integral, filtered derivative, previous value of the filtered error.
         own = np.diag([1.0, keep, 0.0])
         own[1, 2] = -slope
         into, out = np.array([self.per_tick, slope, 1.0]), np.array([1.0, keep, -slope])

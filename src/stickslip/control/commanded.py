@@ -27,12 +27,12 @@ _FARTHEST = {"m": 1.0, "rad": 1e3}
 
 @registry.controllers.add
 class Commanded:
-    """Controller that executes commands (see `command`); `target` is the wanted position of the end-effector,
-    in `unit`.
+    """Controller that executes commands (see `command`). Its attribute `target` is the present wanted
+    position of the end-effector, in `unit`; `done` is True after "release".
 
     Args:
         rate: update rate, Hz.
-        gain: gain of the piezo, m/V.
+        gain: gain of the piezo, m/V (rad/V).
         step: voltage step of the converter, V.
         walk, table, pid: fields of `Stepping`, `StepSizes`, `Pid` by name.
         notches, low_pass, slip: fields of each `Notch`, of `LowPass` and of `Slip` by name; None: no
@@ -70,13 +70,14 @@ class Commanded:
         self._shaped = NoiseShaped(self.mover, step)
         self.target, self.done = 0.0, False
         self._wanted: float | None = None
-        # middle and half range of a scan (m or rad), its frequency [Hz] and its duration in ticks
+        # Scan: middle and half range (m or rad), frequency [Hz] and duration in ticks; None without a scan.
         self._scan: tuple[float, float, float, int] | None = None
         self._scanned = 0
         self._letting = -1  # number of ticks since the ramp to 0 V started; -1: no ramp was requested
         self._ends = round(_LETTING_GO * rate)  # number of ticks of the whole ramp to 0 V
         self._last = 0.0
-        # number of ticks since the last "jog" command, and number after which its steps end
+        # Number of ticks since the last "jog" command, and number of ticks after which the steps of a jog
+        # end.
         self._silent, self._silence = 0, round(HEARTBEAT * rate)
         self._jogs = 0  # direction of the steps while "jog" is repeated; 0 for none
 
@@ -151,7 +152,8 @@ class Commanded:
         self._scan = self.mover.goal, 0.5 * span, hertz, round(cycles * self.mover.regulator.rate / hertz)
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured position; the target of the run is not used."""
+        """Return the voltage [V] for a measured position, in the unit of the controller, at a tick. `target`,
+        that of the run, is not used. Raise MoveError as `Mover.step`."""
         del target
         if self._letting >= 0:
             self._letting += 1
@@ -173,9 +175,15 @@ class Commanded:
         return self._last
 
     def _scanning(self, middle: float, half: float, hertz: float, ticks: int) -> float:
-        """Return the next target [m] of a scan: a sine about `middle` with amplitude `half` [m], `hertz` [Hz]
-        and a duration of `ticks` updates, which grows over its first period and decreases over its last. At
-        the end return `middle` and end the scan."""
+        """Return the next target of a scan; at its end, return `middle` and end the scan.
+
+        The scan is a sine, whose amplitude grows over the first period and decreases over the last one.
+
+        Args:
+            middle, half: mean value and amplitude of the sine, in the unit of the controller.
+            hertz: frequency, Hz.
+            ticks: duration, in updates.
+        """
         self._scanned += 1
         k, rate = self._scanned, self.mover.regulator.rate
         period = rate / hertz
@@ -186,9 +194,15 @@ class Commanded:
         return middle + half * share * math.sin(2.0 * math.pi * hertz * k / rate)
 
     def told(self) -> dict[str, Any]:
-        """Return the state of the move, ready for JSON: phase, phase in words, remark, True if settled;
-        number of steps and of lost steps; sizes of full steps forward and backward [m]; and how far the piezo
-        can move down and up [m], None unless it holds."""
+        """Return the state of the move as a dictionary for JSON, with positions in the unit of the
+        controller.
+
+        Keys: "phase", "follow" during a scan, "release", or as `Mover.phase`; "words", a sentence for the
+            phase
+        and the remark; "remark", see `Mover`; "settled", True while holding a reached target; "steps" and
+        "lost", numbers of steps made and lost; "forward" and "backward", sizes of full steps; "room", how far
+        the piezo can move down and up, None unless it holds.
+        """
         mover = self.mover
         follows = self._scanned > 0 and self._scan is not None
         phase = "release" if self._letting >= 0 else "follow" if follows else mover.phase

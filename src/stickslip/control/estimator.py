@@ -39,11 +39,13 @@ from .blocks import whole_number
 Array = NDArray[np.float64]
 
 _POSITION, _FORWARD, _BACKWARD, _LOAD = range(4)
-# Change of the step with a force: force of the first difference quotient, as a fraction of the contact's
-# breakaway force; largest number of times that it is halved; relative change of the slope below which it is
-# accepted; and error of a simulated step, m, below which a change is not distinguished.
+# Constants of `_slope`. _PROBE: first force, as a fraction of the contact's breakaway force. _HALVINGS:
+# largest number of times that the force is halved. _AGREES: relative change of the slope between two forces
+# below which the slope is accepted. _STEP_ERROR: error of a simulated step, m; smaller changes are accepted,
+# too.
 _PROBE, _HALVINGS, _AGREES, _STEP_ERROR = 0.01, 6, 0.01, 1e-10
-# Deviation of a measured position from the estimate, in standard deviations, above which it is an event.
+# Smallest deviation of a measured position from the estimate, in standard deviations, that is added to
+# `events`.
 _SURPRISE = 5.0
 _AT = Quantity("m", "x", "it")
 _ERROR = Quantity("m", "", "the standard deviation of the position", minimum=0)
@@ -53,10 +55,12 @@ _NOISE = Quantity("m", "", "the standard deviation of what was measured", above=
 
 @record
 class StepModel(NamedTuple):
-    """Step sizes and their uncertainties, as standard deviations.
+    """Step sizes [m] and their uncertainties, as standard deviations.
 
-    `size_error` and `load_error` are initial values; `size_drift` and `load_drift` are added per square root
-    of a step.
+    Fields: sizes of steps `forward` and `backward`, m; `per_load`, change of a step with the load, m/N;
+    `scatter` of single steps, m; `load`, N; `reversal`, displacement lost at a change of direction, m, with
+    `reversal_error`. `size_error` [m] and `load_error` [N] are initial values. `size_drift` [m], `load_drift`
+    [N] and `common_drift` (relative to the sizes) grow with the square root of the number of steps.
     """
 
     forward: Annotated[float, Quantity("m", "s₊", "step forward", above=0)]
@@ -83,13 +87,14 @@ class StepModel(NamedTuple):
         frequency: float | str,
         **unknown: float | str,
     ) -> StepModel:
-        """Return the steps of a model under a periodic sawtooth, and their change with a force along x.
+        """Return a step model with the net steps of an actuator under a periodic sawtooth, forward and
+        backward, and their change with a force along x.
 
         Args:
             model: the actuator, with a constant `external_force` if any, but without the unknown load.
             output: converter and amplifier, ``bench.output()``; or the update rate, Hz.
             amplitude, frequency: amplitude [V] and frequency [Hz] of the sawtooth.
-            unknown: the other fields (errors, drifts, scatter).
+            unknown: values of the other fields (errors, drifts, scatter), by name.
 
         Raises:
             NotPeriodicError: the model's motion is not periodic.
@@ -106,11 +111,14 @@ class StepModel(NamedTuple):
 def _slope(model: Actuator, walk: Waveform) -> float:
     """Return the change of a model's net step with a force along x, m/N, from difference quotients.
 
+    The force is halved until the quotient no longer changes.
+
     Args:
         model: the actuator.
-        walk: drive of the step.
+        walk: periodic drive of the piezo, with one step per period, V.
 
     Raises:
+        NotPeriodicError: the motion under a small force is not periodic.
         QuantityError: the contact holds no force, or the step is not linear in a small force.
     """
     probe, unit = _PROBE * _held(model), unit_for(model, "N")
@@ -133,7 +141,7 @@ def _slope(model: Actuator, walk: Waveform) -> float:
 
 
 def _held(model: Actuator) -> float:
-    """Return the breakaway force of the contact, N."""
+    """Return the breakaway force of the contact, the largest force that it holds without sliding, N."""
     law = model.friction
     if not elements(law):
         return float(breakaway(law))
@@ -149,7 +157,9 @@ class Estimator:
         error: standard deviation of the initial position, m.
 
     Attributes:
-        events: contradictions in words, each with the number of steps before it.
+        events: pairs of the number of steps made before, and a sentence, for each measured position that
+            contradicted the estimate.
+        steps: number of steps made.
     """
 
     def __init__(self, model: StepModel, position: float | str = 0.0, error: float | str = 0.0) -> None:
@@ -200,13 +210,16 @@ class Estimator:
     def stepped(
         self, direction: int, count: int = 1, *, scale: float = 1.0, scatter: float | None = None
     ) -> None:
-        """Predict the position after `count` steps.
+        """Predict the position, and the uncertainty of all states, after `count` steps.
 
         Args:
             direction: direction of all steps, 1 (towards +x) or -1.
             count: number of steps.
             scale: ratio of their size to the model's, for another amplitude.
             scatter: standard deviation of single steps, m; by default the model's.
+
+        Raises:
+            QuantityError: the direction is not 1 or -1, or the count is not a whole number >= 0.
         """
         if direction not in (1, -1):
             raise QuantityError(f"direction = {direction!r} must be 1 or -1")
@@ -217,12 +230,14 @@ class Estimator:
             self._x[_POSITION] -= direction * model.reversal
             self._p[_POSITION, _POSITION] += model.reversal_error**2
             self._way = direction
-        adds = np.zeros((4, 4))  # change of the transition matrix by one step: position by step size and load
+        # One step adds the size of the step, and the effect of the load, to the position.
+        adds = np.zeros((4, 4))
         adds[_POSITION, _FORWARD if direction > 0 else _BACKWARD] = direction * scale
         adds[_POSITION, _LOAD] = model.per_load
         move, wander = np.eye(4) + count * adds, self._wander
         self._x = move @ self._x
-        # The drift of a step acts on all later steps: sums of j and j^2 up to count - 1.
+        # A drift during one step changes all later steps. So the covariance contains the sums of j and of j^2
+        # over the numbers of later steps, j = 0 to count - 1.
         once, twice = count * (count - 1) / 2.0, (count - 1) * count * (2 * count - 1) / 6.0
         self._p = move @ self._p @ move.T + count * wander
         self._p += once * (adds @ wander + wander @ adds.T) + twice * adds @ wander @ adds.T

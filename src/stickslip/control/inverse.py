@@ -16,7 +16,7 @@ from ..physics.piezo.operators import inverse, response
 from ..quantities.records import Quantity
 from ..quantities.units import QuantityError
 
-# Update rate of controllers and filters.
+# Declaration of the update rate of controllers and filters, Hz, with which arguments are checked.
 RATE = Quantity("Hz", "f_s", "the rate of the ticks", above=0)
 _REST = Quantity("V", "", "the voltage of rest")
 _PUT_OUT = Quantity("V", "", "the voltage that was put out")
@@ -28,7 +28,7 @@ class PiezoInverse:
     Args:
         model: an actuator with a `piezo`, whose hysteresis, creep and gain are used.
         rate: update rate, Hz.
-        voltage: voltage, V, at which the piezo has rested for long, after a rise from 0 V.
+        voltage: voltage, V, at which the piezo has rested for long, after a monotonic change from 0 V.
 
     Raises:
         QuantityError: the model has no piezo, or one whose inverse is not known; a number is out of range.
@@ -66,7 +66,7 @@ class PiezoInverse:
         return self._volts
 
     def follow(self, volts: float) -> None:
-        """Update the state for a voltage [V] that differs from the one that `step` returned; raise
+        """Update the state for a voltage [V] that was put out for one tick without a call of `step`; raise
         QuantityError unless it is finite."""
         volts = _PUT_OUT.check(volts, "volts")
         self._given[0], self._given[1] = self._volts, volts

@@ -7,8 +7,10 @@ scan:
 .. math:: w_{j+1} = Q\,(w_j + \lambda\,q^{m} e_j), \qquad
     e_{j+1} = Q\,(1 - \lambda\,q^{m}\,P)\,e_j + (1 - Q)\,e_r, \qquad P = \frac{G\,(C + F)}{1 + G C}
 
-with the plant G, the regulator C, its feedforward F, the error e_r without learning, a look ahead by m ticks,
-and a zero-phase filter Q (binomial, with an odd number of taps). The change from run to run is multiplied by
+with the number j of the run, the error e_j in it, the share λ that is learned, and the shift q by one tick,
+so that m is a look ahead in ticks. G is the plant, C the regulator, F its feedforward, and e_r the error
+without learning. Q is a zero-phase filter (binomial, with an odd number of taps). The change from run to run
+is multiplied by
 
 .. math:: \rho(\omega) = \left|Q\,(1 - \lambda\,e^{i\omega m T} P)\right|
 
@@ -46,6 +48,10 @@ class Learnt:
         periodic: True for repetitive control, which learns after each period by itself; the loop must settle
             within one. Otherwise call `learn` after each run, and the regulator's `begin` before the next.
 
+    Attributes:
+        correction: correction of the target at each tick, m (rad).
+        history: rms error of each run or period, m (rad).
+
     Raises:
         QuantityError: a number is out of range or not whole, or `regulator` has the wrong type.
     """
@@ -71,12 +77,13 @@ class Learnt:
         self.regulator: Regulator = of_kind(regulator, Regulator, "Learnt.regulator")
         self.periodic = periodic
         self._lead, self._q = lead, _binomial(taps)
-        self.correction: Array = np.zeros(ticks)  # correction of the target at each tick, m
+        self.correction: Array = np.zeros(ticks)
         self._errors: Array = np.zeros(ticks)
-        self.history: list[float] = []  # rms of the error in each run or period, m
+        self.history: list[float] = []
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured and a wanted position [m] at a tick."""
+        """Return the voltage [V] for a measured and a wanted position [m] at a tick, counted from the start
+        of the run; with `periodic`, learn at the start of each later period."""
         size = self.correction.size
         at = tick % size if self.periodic else min(tick, size - 1)
         if self.periodic and at == 0 and tick:
@@ -85,7 +92,8 @@ class Learnt:
         return self.regulator.step(measured, target + float(self.correction[at]), tick)
 
     def learn(self) -> float:
-        """Update the correction by the error of the last run; return its rms error [m]."""
+        """Update the correction by the errors of the last run or period; return their rms value [m], which is
+        also appended to `history`."""
         rms = float(np.sqrt(np.mean(self._errors**2)))
         self.history.append(rms)
         wider = self._q.size // 2
@@ -99,13 +107,13 @@ class Learnt:
         return rms
 
     def contraction(self, loop: Loop, frequencies: ArrayLike | None = None) -> Array:
-        """Return the factor by which one repetition multiplies the error, at each frequency [Hz].
+        """Return the factor by which one repetition multiplies the error, at each frequency, as an array.
 
         Learning converges if the largest factor is below 1. See the module for the equation.
 
         Args:
             loop: result of `control.loops.sampled_loop`.
-            frequencies: Hz; by default all up to half the update rate.
+            frequencies: Hz; by default those of the loop, up to half the update rate.
         """
         known = loop.frequencies
         angle, control = 2.0 * math.pi * known / loop.rate, self.regulator.response(known)
@@ -123,6 +131,5 @@ class Learnt:
 
 
 def _binomial(taps: int) -> Array:
-    """Return the binomial filter with this number of taps: a row of Pascal's triangle, normalised to a sum of
-    1."""
+    """Return the taps of a binomial filter [taps]: a row of Pascal's triangle, divided by its sum."""
     return scipy.stats.binom.pmf(np.arange(taps), taps - 1, 0.5)

@@ -34,31 +34,36 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 StateSpace = tuple[Array, Array, Array, float]
 
-_POINTS = 1200  # number of frequencies on the logarithmic scale
-# spacing h near a resonance (see the module), and largest phase of a delay between two frequencies, rad
+_POINTS = 1200  # number of frequencies on the logarithmic scale of `grid`
+# Spacing h of frequencies near a resonance (see the module), and largest change of a delay's phase between
+# two frequencies, rad.
 _STEP, _TURN = 0.025, 0.1
-_WIDE = 0.2  # damping over frequency of a resonance above which the logarithmic scale is dense enough
-_NARROW = 1e-9  # damping over frequency that is assumed for an undamped mode
-# largest number of states of a closed loop whose poles are computed; for more, the Nyquist criterion is used
+# Ratio of damping to frequency of a resonance (σ_p/ω_p in the module) above which the logarithmic scale alone
+# is dense enough, and ratio that is assumed for an undamped mode.
+_WIDE = 0.2
+_NARROW = 1e-9
+# Largest number of states of a closed loop whose poles are computed; for more, the Nyquist criterion is used.
 _STATES = 48
-# number of frequencies in one refinement about the largest sensitivity, and largest number of refinements
+# Number of frequencies in one refinement about the largest sensitivity, and largest number of refinements.
 _FINER, _ROUNDS = 13, 6
-# A mode above this share of the update rate is aliased: if its frequency is wrong by 5 %, the aliased
-# frequency is wrong by up to 10 %. Notches are not placed there.
+# Frequency over update rate above which a mode counts as aliased, and gets no notch: if its frequency is
+# wrong by 5 %, the frequency at which it appears is wrong by up to 10 %.
 NEAR_NYQUIST = 0.4
-# Share r of a vibration left after a tick below which a mode is not a resonance of the sampled loop: its peak
-# over its lowest response, (1 + r) / (1 - r), is then below 1.7.
+# Share r of a mode's vibration that remains after one tick, below which the mode is not a resonance of the
+# sampled loop: the ratio of its largest to its smallest response, (1 + r) / (1 - r), is then below 1.7.
 RINGS = 0.25
 SEEN = 1e-3  # share of a mode in the static stroke above which it is reported as aliased
-_EVEN = 1e-4  # relative change of the sensitivity below which no frequencies are added between two
+# Relative change of the largest sensitivity by further frequencies between two, below which none are added.
+_EVEN = 1e-4
 
 
 class Loop(NamedTuple):
     """A sticking actuator, sampled at the update rate, as a linear system from voltage [V] to position [m].
 
     Fields: state transition `a` (n, n), input `b` (n,), output `c` (n,), including the states of the delay;
-    rate [Hz]; delay in ticks; poles and their residues [m/V], and zeros, without the delay; response [m/V] at
-    `frequencies` [Hz] below half the rate; and the frequency [Hz] of the lowest `aliased` mode, or 0.
+    `rate` [Hz]; `delay` in ticks; `poles` and their `residues` [m/V], and `zeros`, of z and without the
+    delay; complex `response` [m/V] at `frequencies` [Hz] below half the rate; and `aliased`, frequency [Hz]
+    of the lowest mode that the updates do not resolve, or 0. For a rotary actuator m is rad.
     """
 
     a: Array
@@ -74,7 +79,7 @@ class Loop(NamedTuple):
     aliased: float = 0.0
 
     def at(self, frequencies: ArrayLike) -> Complex:
-        """Return the response [m/V] at frequencies [Hz] (n,)."""
+        """Return the complex response [m/V] at frequencies [Hz] (n,), including the delay."""
         return _response(
             self.poles, self.residues, array_si(frequencies, "Hz", "frequencies"), self.rate, self.delay
         )
@@ -86,8 +91,9 @@ def _response(poles: Any, residues: Any, frequencies: Array, rate: float, delay:
 
 
 def grid(rate: float, delay: int = 0) -> Array:
-    """Return frequencies [Hz], evenly spaced on a logarithmic scale up to half the rate [Hz]. The lowest is
-    so low that a delay in ticks causes almost no phase."""
+    """Return frequencies [Hz], evenly spaced on a logarithmic scale, up to 0.499 times the update rate [Hz].
+
+    At the lowest one, at most 1 Hz, a delay of `delay` ticks has a phase below 0.01 rad."""
     first = min(1.0, 1e-4 * rate, 0.01 * rate / (2.0 * math.pi * (delay + 1)))
     return np.geomspace(first, 0.499 * rate, _POINTS)
 
@@ -102,13 +108,14 @@ def _about(roots: Iterable[complex], rate: float, ends: Array) -> list[Array]:
     """
     found = []
     for root in roots:
-        if abs(root.imag) < 1e-6 * abs(root):  # a real root is no resonance
+        # A real pole or zero is no resonance.
+        if abs(root.imag) < 1e-6 * abs(root):
             continue
         turn = abs(float(np.angle(root)))
         fading = max(abs(math.log(max(abs(root), 1e-300))), _NARROW * turn)
         if not 0.0 < fading < _WIDE * turn:
             continue
-        # Start half a step beside the root, because an undamped one has no finite response at its frequency.
+        # Start half a spacing beside the resonance, because without damping the response there is infinite.
         off = fading * np.sinh(np.arange(0.5 * _STEP, math.asinh(_WIDE * turn / fading), _STEP))
         both = np.concatenate([turn - off, turn + off]) * (rate / (2.0 * math.pi))
         found.append(both[(both > ends[0]) & (both < ends[-1])])
@@ -118,7 +125,9 @@ def _about(roots: Iterable[complex], rate: float, ends: Array) -> list[Array]:
 def _frequencies(rate: float, delay: int, roots: Iterable[complex]) -> Array:
     known = grid(rate, delay)
     parts = [known, *_about(roots, rate, known)]
-    if delay:  # the phase of a delay is linear in frequency: at high ones the logarithmic scale is too coarse
+    # The phase of a delay is proportional to the frequency, so the logarithmic scale is too coarse at high
+    # ones: add evenly spaced frequencies.
+    if delay:
         apart = _TURN * rate / (2.0 * math.pi * delay)
         first = apart / (known[1] / known[0] - 1.0)
         parts.append(np.arange(first, known[-1], apart))
@@ -150,7 +159,7 @@ def sampled_loop(model: Actuator, output: OutputStage | float | str, *, delay: i
     late, into = np.zeros((size, size)), np.zeros(size)
     late[:n, :n] = a
     late[:n, n : n + 1] = b[:, None] if delay else late[:n, n : n + 1]
-    late[n:, n:] = np.eye(delay, k=1)  # delay line of the voltages that are not yet put out
+    late[n:, n:] = np.eye(delay, k=1)  # the last states are voltages that wait for their output
     if delay:
         into[-1] = 1.0
     else:
@@ -168,7 +177,8 @@ def sampled_loop(model: Actuator, output: OutputStage | float | str, *, delay: i
 
 
 def _behind(own: Sticking, lag: float) -> Sticking:
-    """Return the linear model with an amplifier of this time constant [s] in front."""
+    """Return the linear model with an amplifier in front, a lag of first order with this time constant [s].
+    Its output voltage becomes the last state; without a lag, the model is returned unchanged."""
     if not lag > 0.0:
         return own
     n = own.b.size
@@ -178,8 +188,8 @@ def _behind(own: Sticking, lag: float) -> Sticking:
 
 
 def _aliased(own: Sticking, rate: float) -> float:
-    """Return the frequency [Hz] of the lowest mode that updates at this rate [Hz] do not resolve; 0
-    if they resolve all."""
+    """Return the frequency [Hz] of the lowest mode that updates at this rate [Hz] do not resolve; 0 without
+    such a mode. See `NEAR_NYQUIST`, `RINGS` and `SEEN`."""
     roots: Any = np.linalg.eig(own.a)
     poles, vectors = roots
     shares = np.abs((own.c @ vectors) * np.linalg.solve(vectors, own.b) / poles)
@@ -200,8 +210,8 @@ def _zeros(a: Any, b: Any, c: Array) -> Complex:
 
 
 def crossings(values: Array, others: Array) -> list[tuple[int, float]]:
-    """Return for each change of sign of `values` [n] the index before it, and `others` [n] interpolated
-    linearly at the zero."""
+    """Return a list of pairs, one for each change of sign of `values` [n]: the index before the change, and
+    the value of `others` [n] at the zero, interpolated linearly."""
     above = values > 0.0
     at = np.flatnonzero(above[1:] != above[:-1])
     share = values[at] / (values[at] - values[at + 1])
@@ -211,9 +221,10 @@ def crossings(values: Array, others: Array) -> list[tuple[int, float]]:
 class OpenLoop(NamedTuple):
     """A regulator in series with a loop: the open loop.
 
-    Fields: the regulator, its state space (`own`), and the loop; the response from error to position at
-    `frequencies` [Hz], as complex `curve`, logarithm of its magnitude (`level`) and phase [rad]; its real
-    value at half the update rate (`real`); and its magnitudes where its phase is -180 degrees (`turned`).
+    Fields: `regulator`, its state space `own`, and `loop`; the response from error to position (without unit)
+    at `frequencies` [Hz], as complex `curve`, natural logarithm of its magnitude `level`, and `phase` [rad];
+    `real`, its real value at half the update rate; and `turned`, its magnitudes where its phase is -180
+    degrees.
     """
 
     regulator: Regulator
@@ -245,7 +256,7 @@ class OpenLoop(NamedTuple):
         return cls(regulator, loop, own, known, curve, np.log(size), np.unwrap(np.angle(curve)), real, turned)
 
     def at(self, frequencies: Array) -> Complex:
-        """Return the response at other frequencies [Hz]."""
+        """Return the complex response from error to position (without unit) at frequencies [Hz] (n,)."""
         return self.regulator.response(frequencies) * self.loop.at(frequencies)
 
     def sensitivity(self, factor: float = 1.0) -> float:
@@ -271,7 +282,7 @@ class OpenLoop(NamedTuple):
         if self.loop.b.size + b.size > _STATES:
             return self._turns(factor)
         closed, _ = _closed((a, b, factor * c, factor * d), self.loop)
-        # Without integral gain the integral is constant: its pole at 1 is not part of the loop.
+        # Without integral gain the regulator's integral is constant: remove this state, whose pole is 1.
         if not self.regulator.per_tick:
             keep = np.arange(len(closed)) != len(closed) - 3
             closed = closed[np.ix_(keep, keep)]
@@ -280,10 +291,10 @@ class OpenLoop(NamedTuple):
     def _turns(self, factor: float) -> bool:
         """Return True if the closed loop is stable by the Nyquist criterion.
 
-        1 + L is multiplied by the factors of the open loop's poles on the unit circle (integral, undamped
-        modes). By the argument principle, its phase then turns by π, along the upper half of the circle, for
-        each pole of the closed loop outside it. A loop that passes too close to -1 for this count has no
-        margin anyway. `factor` multiplies the regulator's gain.
+        1 + L, with the open loop L, is multiplied by a factor 1 - p/z for each pole p of the open loop on the
+        unit circle (integral, undamped modes). By the argument principle, the phase of the product then turns
+        by π, along the upper half of the circle, for each pole of the closed loop outside it. A loop that
+        passes too close to -1 for this count has no margin anyway. `factor` multiplies the regulator's gain.
         """
         rate, known = self.loop.rate, np.append(self.frequencies, 0.5 * self.loop.rate)
         later = np.exp(-2j * math.pi / rate * known)
@@ -292,7 +303,8 @@ class OpenLoop(NamedTuple):
         for pole in [*([1.0] if self.regulator.per_tick else []), *undamped]:
             value = value * (1.0 - pole * later)
         turned = float(np.unwrap(np.angle(value))[-1])
-        # At frequency 0 the value 1 + L must be positive: a loop with positive feedback there is unstable.
+        # At frequency 0 the value 1 + L must be positive. Otherwise the feedback is positive, and the loop
+        # unstable.
         stroke = float((self.loop.residues / (1.0 - self.loop.poles)).sum().real)
         pid = self.regulator.pid
         begins = stroke if pid.integral else 1.0 + factor * pid.proportional * stroke
@@ -300,8 +312,8 @@ class OpenLoop(NamedTuple):
 
 
 def step_response(regulator: Regulator, loop: Loop, ticks: int) -> Array:
-    """Return the response of the closed loop without feedforward to a unit step of the target at tick 0,
-    shape (ticks,)."""
+    """Return the position at each tick (ticks,) after a unit step of the target at tick 0, in the closed loop
+    without feedforward and voltage limits."""
     closed, into = closed_loop(regulator, loop)
     x, found, n = np.zeros(into.size), np.empty(ticks), loop.b.size
     for k in range(ticks):
@@ -311,8 +323,8 @@ def step_response(regulator: Regulator, loop: Loop, ticks: int) -> Array:
 
 
 def closed_loop(regulator: Regulator, loop: Loop) -> tuple[Array, Array]:
-    """Return the state transition (n, n) and the input (n,) from the target of the closed loop. The first
-    states are those of `loop`, the others those of the regulator."""
+    """Return the closed loop without feedforward and limits: state transition (n, n), and input (n,) from the
+    target. The first states are those of `loop`, the others those of the regulator."""
     return _closed(regulator.state_space(), loop)
 
 

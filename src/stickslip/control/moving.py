@@ -37,16 +37,18 @@ from .steps import Steps, StepSizes, StepTicks
 
 
 class MoveError(RuntimeError):
-    """Error: a move cannot succeed, because of an end stop, lost steps or a target out of reach."""
+    """Error: a move is given up, because steps hardly move (an end stop, lost steps), or because the target
+    is not reached in several attempts."""
 
 
 @record
 class Stepping(NamedTuple):
     """Parameters of the steps of a move.
 
-    `amplitude` of full steps, their `frequency`, the `pause` after the last one, and the duration of a `scan`
-    to the target or of the `return` of the piezo. `margin` is the share of the piezo's range at each end that
-    is not used to hold.
+    Fields: `amplitude` of full steps, V, and their `frequency`, Hz; `pause` after the last one, s; `scan`,
+    duration of a scan to the target or of the piezo's return, s; `margin`, share of the piezo's range at each
+    end that is not used to hold; `tolerance` of the position, m (rad); `dwell`, time over which arrival is
+    judged, s.
     """
 
     amplitude: Annotated[float, Quantity("V", "A", "amplitude of full steps", above=0)] = 65.0
@@ -58,11 +60,13 @@ class Stepping(NamedTuple):
     dwell: Annotated[float, Quantity("s", "t_d", "time over which arrival is judged", minimum=0)] = 0.01
 
 
-# Share of the expected displacement below which a step counts as lost.
+# Displacement of a step over the expected one, below which the step counts as lost.
 _LOST = 0.2
-# Largest change of the target in one tick, in V of the piezo, that is followed without a scan.
+# Largest change of the target in one tick, divided by the piezo's gain, V, that the piezo follows at once.
+# For a larger change, it scans to the target.
 _ALONG = 0.5
-# Share of the piezo's stroke within which a target is reached by recentring before steps are made.
+# Largest distance of a target, as a share of the piezo's stroke, for which the piezo is recentred instead of
+# making steps.
 _NEAR = 0.25
 # Names of the phases ("rest", "return", ...) by their numbers in C (MOVER_REST, MOVER_RETURN, ...).
 _PHASES = {k: name.split("_")[1].lower() for k, name in ffi.typeof("mover_phase").elements.items()}
@@ -70,8 +74,8 @@ _HOLD = Quantity("s", "", "the time at the target", minimum=0, maximum=math.inf)
 
 
 def _numbers(walk: Stepping, regulator: Regulator, gain: float, batches: int) -> dict[str, Any]:
-    """Return members of the C struct `mover_plan` by name: range of the piezo, parameters of the arrival test
-    and of the steps.
+    """Return members of the C struct `mover_plan` by name: range of the piezo [V], parameters of the arrival
+    test and of the steps.
 
     Args:
         walk: parameters of stepping.
@@ -112,7 +116,7 @@ class Mover:
         walk: parameters of stepping.
         table: step sizes, which are corrected during the move.
         regulator: regulator of the piezo; its voltage limits are the range.
-        gain: gain of the piezo, m/V, > 0: a step forward is a rise of the voltage.
+        gain: gain of the piezo, m/V (rad/V), > 0: a step forward is a rise of the voltage.
         hold: time at the target until `done`, s; inf: never done.
         learning: weight of new steps in the step sizes, see `Steps`.
         slip: edge of the voltage with which steps and recentring slip; by default a jump.
@@ -217,29 +221,31 @@ class Mover:
 
     @property
     def room(self) -> tuple[float, float]:
-        """Return how far the piezo can move down and up from its present position, m, within the part of its
-        range that is used to hold."""
+        """Return how far the piezo can move down and up from its present position, a pair in m (rad), within
+        the part of its range that is used to hold."""
         volts = self._c.voltage
         return (volts - self.plan.least) * self.gain, (self.plan.most - volts) * self.gain
 
     @property
     def reach(self) -> float:
-        """Return how far the piezo can move each way from the middle of its range, m."""
+        """Return how far the piezo can move each way from the middle of its range, m (rad), within the part
+        of its range that is used to hold."""
         return (self.plan.most - self.plan.middle) * self.gain
 
     @property
     def fastest(self) -> float:
-        """Return the largest speed of a target that the piezo follows, m/s."""
+        """Return the largest speed of a target, m/s (rad/s), that the piezo follows without a scan."""
         return _ALONG * self.gain * self.regulator.rate
 
     def reaches(self, target: float) -> bool:
-        """Return True if the piezo reaches a position [m] from rest at the start, with at most one slip."""
+        """Return True if, before the first step, the piezo reaches a position [m, from the start] by sticking
+        or with at most one slip."""
         needed = self._c.voltage + target / self.gain
         return self.plan.least <= needed <= self.plan.most or abs(target) <= self.plan.nearby
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured and a wanted position [m]; raise MoveError if the move cannot
-        succeed."""
+        """Return the voltage [V] for a measured and a wanted position [m, or rad] at a tick, counted from the
+        start of the run; raise MoveError if the move is given up."""
         c, regulator = self._c, self.regulator
         regulates = self._before(c, measured, target, tick)
         if c.begins:
@@ -266,7 +272,7 @@ class Mover:
         self.history.append((self.phase, tick / self.regulator.rate))
 
     def _why(self, measured: float) -> str:
-        """Return the reason why the move is given up."""
+        """Return the reason why the move is given up at the position `measured`, for a MoveError."""
         lib, at = library(), with_prefix(measured, self._unit)
         if self._c.error == lib.MOVER_OUT_OF_REACH:
             goal = with_prefix(self.goal, self._unit)

@@ -18,15 +18,16 @@ from .estimator import Estimator
 from .step_law import StepLaw
 
 _AT = Quantity("m", "", "the position")
-# largest step per volt at a voltage that was not calibrated, relative to that at the largest calibrated one
+# Largest step per volt that is assumed for steps outside the calibration, over the one at the largest
+# calibrated voltage.
 _SPREAD = 1.3
-_SAME = 0.01  # largest relative deviation of a frequency from the calibration
-_ANYWHERE = 1.0  # m, standard deviation of an unknown position
+_SAME = 0.01  # largest relative deviation of a frequency from the calibrated one, for which the law is valid
+_ANYWHERE = 1.0  # standard deviation of an unknown position, m
 _UNIFORM = math.sqrt(3.0)  # ratio of half-width to standard deviation of a uniform distribution
 
 
 class Tally(NamedTuple):
-    """Numbers of steps in each direction since the last datum, and of changes of direction."""
+    """Counts since the last datum: steps `forward` and `backward`, and `reversals`, changes of direction."""
 
     forward: int = 0
     backward: int = 0
@@ -46,10 +47,13 @@ class DeadReckoning:
 
     Attributes:
         tally: numbers of steps since the last datum, see `Tally`.
-        doubt: reason why the position is not reliable before the next datum, or "".
+        doubt: reasons why the position is not reliable before the next datum, or "".
 
-    At the start the controller is only read. If the controller counts steps itself, steps made by others are
-    detected.
+    Construction only reads the controller, and makes no steps. If the controller counts steps itself, steps
+    made by others are detected.
+
+    Raises:
+        QuantityError: the voltage or the frequency of the law is not calibrated, or out of the axis' range.
     """
 
     def __init__(
@@ -89,7 +93,8 @@ class DeadReckoning:
         return self._estimator.error if self._known else math.inf
 
     def interval(self, level: float | str = 0.95) -> tuple[float, float]:
-        """Return the interval [m] that contains the position with probability `level`."""
+        """Return the lower and upper end, m, of the interval that contains the position with probability
+        `level` (0 to 1); infinite before the first datum of an unknown position."""
         low, high = self._estimator.band(level)
         return (low, high) if self._known else (-math.inf, math.inf)
 
@@ -97,6 +102,14 @@ class DeadReckoning:
         self, count: int, voltage: float | str | None = None, frequency: float | str | None = None
     ) -> None:
         """Make `count` steps (upwards if positive), wait for their end, and update position and interval.
+
+        Steps at another voltage or frequency than calibrated only widen the interval, with a reason in
+        `doubt`.
+
+        Args:
+            count: number of steps; 0 does nothing.
+            voltage: amplitude, V; by default that of the axis.
+            frequency: steps per second, Hz; by default the calibrated frequency.
 
         Raises:
             InterlockError: the positioner is not simulated, and the program not armed.
@@ -127,10 +140,11 @@ class DeadReckoning:
             self._estimator.stepped(direction, abs(count), scale=scale, scatter=scatter)
 
     def go(self, target: float | str) -> tuple[float, float]:
-        """Step as near as possible to a target [m]; return the interval of the position afterwards.
+        """Step as near as possible to a target [m]; return the 95 % interval of the position afterwards, m.
 
         Raises:
-            QuantityError: the position is not known.
+            InterlockError: as for `step`.
+            QuantityError: the position is not known, or the steps have no size in this direction.
         """
         goal = _AT.check(target, "target")
         if not self._known:
@@ -149,8 +163,8 @@ class DeadReckoning:
     def datum(self, position: float | str, error: float | str) -> None:
         """Correct the position by an observed one [m] with standard deviation `error` [m].
 
-        Step sizes are updated, `doubt` is cleared, and `tally` restarts at zero. A datum that contradicts the
-        estimate is added to `events`.
+        Step sizes are corrected as well, `doubt` is cleared, and `tally` restarts at zero. A datum that
+        contradicts the estimate is added to `events`.
         """
         self._estimator.measured(position, error)
         self._known = True
@@ -158,12 +172,13 @@ class DeadReckoning:
 
     @property
     def events(self) -> list[tuple[int, str]]:
-        """Return the datums that contradicted the estimate, each with the number of steps before it."""
+        """Return a pair for each datum that contradicted the estimate: the number of steps before it, and a
+        sentence."""
         return self._estimator.events
 
     def held(self, voltage: float | str) -> None:
-        """Hold the piezo at a voltage [V]. The step law does not include this displacement, so `doubt` says
-        so."""
+        """Hold the piezo at a voltage [V]. The step law does not include this displacement, so the interval
+        is widened, and `doubt` gives the reason. Raises InterlockError as `step`."""
         volts = to_si(voltage, "V", "voltage")
         need_armed(self.positioner)
         self.positioner.scan(self.axis, volts)
@@ -185,5 +200,6 @@ class DeadReckoning:
             )
 
     def _counted(self) -> float:
-        """Return the controller's step counter; 0 if the controller has a sensor instead."""
+        """Return the controller's counter of steps; always 0 if the controller measures the position
+        instead."""
         return 0.0 if self.positioner.ranges.sensor else self.positioner.position(self.axis)

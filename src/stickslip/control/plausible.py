@@ -10,17 +10,18 @@ from ..quantities.units import optional_si, to_si, unit_for
 from ..rig.plausibility import Plausibility
 from .steps import StepSizes
 
-# largest believed speed, relative to that of the stage when it vibrates after a jump through the whole range
+# Largest speed that a loop believes, over the largest speed of the stage when it vibrates after a jump of the
+# voltage through the whole range.
 _SPEED = 3.0
-# largest slope of the voltage at which the contact certainly sticks, relative to the voltage at which
-# stepping starts times the stage's natural frequency
+# Largest slope of the voltage at which the contact certainly sticks, over the voltage at which stepping
+# starts times the stage's natural frequency [rad/s].
 _STICKS = 0.3
-_RINGS = 4.0  # settling time, in time constants of the stage
-_SETTLING = (2e-3, 0.02)  # s, smallest and largest settling time
-_STROKE = 0.05  # share of the stroke of motion that the drive need not explain: creep, loads
-_BEGINS = 0.05  # share of the largest step that counts as the start of stepping
+_RINGS = 4.0  # settling time over the time constant with which the stage's vibration decays
+_SETTLING = (2e-3, 0.02)  # smallest and largest settling time, s
+_STROKE = 0.05  # displacement that the drive need not explain (creep, loads), over the piezo's stroke
+_BEGINS = 0.05  # size of a step, over the largest one, at whose voltage stepping counts as started
 _SLOW, _QUICK = 1e3, 3e4  # lowest and highest natural frequency that an unknown stage may have, rad/s
-# largest displacement beyond the piezo's stroke that the drive need not explain, in largest steps
+# Largest believed distance from a target that was reached, beyond the piezo's stroke, in largest steps.
 _ASTRAY = 5.0
 
 
@@ -33,7 +34,8 @@ def plausibility(
     table: StepSizes | None = None,
     noise: float | str | None = None,
 ) -> Plausibility:
-    """Return the thresholds beyond which a loop does not believe its sensor, from a model.
+    """Return the thresholds beyond which a loop does not believe its sensor (`rig.Plausibility`), from a
+    model.
 
     Args:
         model: identified actuator.
@@ -41,7 +43,10 @@ def plausibility(
         frequency: frequency of the steps, Hz.
         max_voltage: difference between least and greatest voltage, V.
         table: `StepSizes.of_model` for the same arguments, if it has been computed; None: compute it.
-        noise: standard deviation of a reading, m; None: 0.
+        noise: standard deviation of a reading, m (rad for a rotary actuator); None: 0.
+
+    Raises:
+        QuantityError: a number is out of range, or the model does not step; see `StepSizes.of_model`.
     """
     rms = optional_si(noise, unit_for(model, "m"), "noise") or 0.0
     span = to_si(max_voltage, "V", "max_voltage")
@@ -64,12 +69,12 @@ def of_steps(
     settling: float | None = None,
     rms: float = 0.0,
 ) -> Plausibility:
-    """Return the thresholds beyond which a loop does not believe its sensor, from a table of steps and the
-    gain.
+    """Return the thresholds beyond which a loop does not believe its sensor (`rig.Plausibility`), from a
+    table of steps and the gain.
 
     Args:
-        table: step sizes.
-        gain: gain of the piezo, m/V.
+        table: step sizes, m (rad).
+        gain: gain of the piezo, m/V (rad/V).
         span: difference between least and greatest voltage, V.
         omega: natural frequency of the stage, rad/s; None: unknown.
         settling: settling time of stage and sensor, s; None: unknown. It is limited to 2 to 20 ms.

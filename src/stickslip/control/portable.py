@@ -85,13 +85,14 @@ _DERIVATIVE = """\
 
 
 def _number(value: float) -> str:
-    """Return a number as exact C source text; infinity for no limit."""
+    """Return a number as exact C source text: a hexadecimal literal, or (INFINITY) with its sign."""
     return float(value).hex() if math.isfinite(value) else f"({'-' if value < 0.0 else ''}INFINITY)"
 
 
 def regulator_source(regulator: Regulator) -> str:
-    """Return the C header of a regulator as text; raise QuantityError for a regulator with the inverse of a
-    piezo."""
+    """Return a C header as text, with the functions `regulator_begin` and `regulator_step` of this regulator.
+
+    Raises QuantityError for a regulator with the inverse of a piezo."""
     if regulator.inverse is not None:
         raise QuantityError("a regulator with a PiezoInverse is not translated to C: give it a gain in V/m")
     sections = [section.coefficients for section in regulator.sections]
@@ -171,8 +172,8 @@ def _initial(value: Any, tables: Iterator[str]) -> str:
     """Return the C source text that initialises a struct, or one of its members.
 
     Args:
-        value: struct, array, pointer or number.
-        tables: names of the C arrays to which the pointers in the struct refer, in turn.
+        value: struct, array, pointer (cffi objects) or number.
+        tables: names of the C arrays to which the pointers in the struct refer; each pointer takes the next.
     """
     kind = ffi.typeof(value) if isinstance(value, ffi.CData) else None
     if kind is None:

@@ -24,7 +24,7 @@ _INNER, _DEEPEST = ("controller", "mover", "regulator"), 10
 
 
 class NoiseShaped:
-    """Controller whose output voltages are whole steps of a converter, with noise shaping.
+    """Controller whose output voltages are whole steps of a converter, with noise shaping (see the module).
 
     Args:
         controller: controller of the wanted voltage; its attribute `done` is passed on. The output respects
@@ -44,10 +44,12 @@ class NoiseShaped:
         return getattr(self.controller, "done", False)
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V], a whole number of steps."""
+        """Return the voltage [V], a whole number of converter steps, for a measured and a wanted position [m,
+        or rad] at a tick. A voltage that is NaN or infinite is returned unchanged."""
         wanted = self.controller.step(measured, target, tick)
         steps = (wanted + self._left) / self._q
-        if not abs(steps) < 1e15:  # NaN or too large to be rounded: the caller refuses such a voltage
+        # A voltage that is NaN, or too large to be rounded, is returned; the caller refuses it.
+        if not abs(steps) < 1e15:
             return wanted
         whole = round(steps)
         given = min(max(whole, self._low), self._high) * self._q
@@ -61,7 +63,7 @@ def _limits(controller: Any) -> tuple[float, float]:
     """Return the voltage limits, V, of the regulator in a controller, or in a controller within it; infinite
     if there is no regulator."""
     one = controller
-    for _ in range(_DEEPEST):  # a controller that contains itself would never end
+    for _ in range(_DEEPEST):  # ends even for a controller that contains itself
         if isinstance(one, Regulator):
             return one.low, one.high
         one = next((getattr(one, name) for name in _INNER if hasattr(one, name)), None)
@@ -69,8 +71,10 @@ def _limits(controller: Any) -> tuple[float, float]:
 
 
 def _within(limit: float, step: float) -> float:
-    """Return the largest whole number of converter steps (each `step` V) that does not exceed `limit` [V]; a
-    limit of 1e15 steps or more, or an infinite one, is returned as it is."""
+    """Return the largest whole number of converter steps (each `step` V) that does not exceed `limit` [V].
+
+    A limit of 1e15 steps or more (floating point then has no whole numbers left), or an infinite one, is
+    returned unchanged."""
     if not abs(limit) / step < 1e15:
         return limit
     most = math.floor(limit / step)

@@ -25,8 +25,9 @@ from ..quantities.units import QuantityError, to_si
 from .blocks import RATE, Pid, whole_number
 
 _FORGOTTEN = 4  # number of periods until the oscillation is steady
-_RAMP, _REST = 0.1, 0.05  # s, duration of the ramp to the middle, and of the rest there
-# smallest band of the relay, in standard deviations of the noise at rest: with less, noise would switch it
+_RAMP, _REST = 0.1, 0.05  # duration of the ramp to the middle, and of the rest there, s
+# Smallest band of the relay, in standard deviations of the sensor's noise. In a smaller band, noise would
+# switch the relay.
 _CLEAR = 3.0
 _SLOPE = Quantity("V/s", "s", "the slope of the voltage", above=0)
 _MIDDLE = Quantity("V", "", "the voltage where it oscillates")
@@ -35,15 +36,19 @@ _REACH = Quantity("V", "", "how far it may go to each side", above=0)
 
 
 class Oscillation(NamedTuple):
-    """Result of a relay test: integral gain of the oscillating loop, V/(m s), its frequency, Hz, and
-    amplitude, m."""
+    """Result of a relay test.
+
+    Fields: `ultimate`, integral gain K_u at which the loop just oscillates, V/(m s); `frequency` of the
+    oscillation, Hz; `amplitude` of the position's first harmonic, m.
+    """
 
     ultimate: float
     frequency: float
     amplitude: float
 
     def pid(self, gain_margin: float | str = 2.5) -> Pid:
-        """Return the integral controller with this gain margin."""
+        """Return the gains of a purely integral controller with this gain margin, above 1 (else
+        QuantityError)."""
         margin = to_si(gain_margin, "", "gain_margin")
         if not 1.0 < margin < math.inf:
             raise QuantityError(f"gain_margin = {margin:g} must be > 1 and finite")
@@ -84,15 +89,15 @@ class Relay:
             raise QuantityError("periods = 0: a relay measures one at least")
         self._volts = 0.0
         self._ramp, self._rest = round(_RAMP * self._rate), round(_REST * self._rate)
-        self._sums: list[float] = []  # positions during the rest
+        self._sums: list[float] = []  # positions in the second half of the rest, m
         self._at, self._sign, self._count = 0.0, 1.0, 0
         self._turns: list[int] = []  # ticks at which the voltage started to rise
-        self._swing: list[float] = []  # positions from the first measured switch
+        self._swing: list[float] = []  # positions during the measured periods, m
         self.done = False
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured position [m]; raise QuantityError if the oscillation exceeds
-        the reach."""
+        """Return the voltage [V] for a measured position [m]; `target` and `tick` are not used. Raise
+        QuantityError if the voltage would leave the middle by more than `reach`."""
         del target, tick
         self._count += 1
         if self._count <= self._ramp + self._rest:
@@ -125,7 +130,9 @@ class Relay:
         QuantityError before the relay is `done`."""
         if not self.done:
             raise QuantityError("the relay has not oscillated for long enough yet")
-        swing = np.array(self._swing)  # positions over whole periods, so that the mean gives the harmonic
+        # The positions cover whole periods, so that the mean of position times exp(i ω t) is half the
+        # harmonic.
+        swing = np.array(self._swing)
         period = swing.size / (self._periods * self._rate)
         turns = 2.0 * math.pi * self._periods / swing.size * np.arange(swing.size)
         amplitude = 2.0 * abs(complex(np.mean(swing * np.exp(1j * turns))))

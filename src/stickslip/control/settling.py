@@ -22,15 +22,16 @@ if TYPE_CHECKING:
 
 WINDOWS = (1e-6, 100e-9, 30e-9, 10e-9, 3e-9)  # default half-widths of the windows about the target, m (rad)
 _TIME = Quantity("s", "", "it", minimum=0)
-_MEAN = 1e-3  # s over which a position is averaged before it is compared with a window
+_MEAN = 1e-3  # default duration of the running mean of a sensor's readings, s
 
 
 class Settling(NamedTuple):
     """Settling of a move.
 
-    Fields: `times` [s] after which the position stays within each of the `windows` [m] (NaN: not until the
-    end); `overshoot` [m] beyond the target, in the direction of the move; `rms` [m] of the error over the
-    last `held` seconds; `noise` [m], standard deviation of the sensor's noise after the running mean.
+    Fields (m: or rad): `times` [s] after which the position stays within each of the `windows` [m] (NaN: not
+    until the end); `overshoot` [m] beyond the target, in the direction of the move, or 0; `rms` [m] of the
+    error over the last `held` seconds; `noise` [m], standard deviation of the sensor's noise after the
+    running mean, 0 without a mean.
     """
 
     windows: tuple[float, ...]
@@ -90,12 +91,14 @@ def settling(
     side = 1.0 if goal >= x[0] else -1.0
     last = max(1, round(span / between))
     rms = float(np.sqrt(np.mean(off[-last:] ** 2)))
-    # White noise from successive differences; motion that is slow compared with the samples adds little.
+    # The standard deviation of white noise follows from successive differences. Motion that is slow compared
+    # with the sampling adds little to them.
     noise = float(np.sqrt(0.5 * np.mean(np.diff(raw[-max(last, 2) :]) ** 2) / count)) if wide else 0.0
     return Settling(sizes, tuple(found), max(float((side * off).max()), 0.0), rms, span, noise)
 
 
 def _averaged(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the mean of the last `count` values at each sample; values before the first equal the first."""
+    """Return the running mean [n] of `values` [n] over the last `count` samples; earlier ones equal the
+    first."""
     total = np.cumsum(np.append(np.zeros(count), values - values[0]))
     return values[0] + (total[count:] - total[:-count]) / count

@@ -25,7 +25,8 @@ Array = NDArray[np.float64]
 
 @record
 class Shaper(NamedTuple):
-    """Input shaper for one vibration mode: its frequency, damping ratio and order; see the module."""
+    """Input shaper for one vibration mode: natural `frequency` of the mode, Hz, its `damping` ratio, and the
+    `order` n of the shaper, 1 to 6; see the module."""
 
     frequency: Annotated[float, Quantity("Hz", "ω/2π", "natural frequency of the mode", above=0)]
     damping: Annotated[float, Quantity("", "ζ", "damping ratio of the mode", minimum=0, maximum=0.99)] = 0.0
@@ -36,7 +37,8 @@ class Shaper(NamedTuple):
             raise QuantityError(f"Shaper.order = {self.order:g} must be a whole number")
 
     def parts(self) -> tuple[Array, Array]:
-        """Return times [s] and sizes of the parts of a change; their sum is 1."""
+        """Return the times [s] and the sizes of the parts of a unit change, as arrays [order + 1]; the sum of
+        the sizes is 1."""
         root = math.sqrt(1.0 - self.damping**2)
         k = math.exp(-self.damping * math.pi / root)
         shares: Array = np.ones(1)
@@ -46,8 +48,9 @@ class Shaper(NamedTuple):
         return np.arange(float(shares.size)) * half, shares
 
     def taps(self, rate: float | str) -> Array:
-        """Return the shaper as filter taps at an update rate [Hz]; each part is split between the two ticks
-        around its time. Raises QuantityError for a mode above half the rate."""
+        """Return the shaper as taps of a digital filter (the weight of each earlier tick, with sum 1) at an
+        update rate [Hz]; each part is split between the two ticks around its time. Raises QuantityError
+        unless the mode's frequency is below half the rate."""
         hertz = RATE.check(rate, "rate")
         below_half(self.frequency, hertz, "Shaper.frequency")
         times, shares = self.parts()
@@ -72,9 +75,11 @@ class Shaper(NamedTuple):
 class Slip(NamedTuple):
     """Edge of the drive voltage with which a step slips.
 
-    The voltage changes at a constant rate over `duration`, and so with a constant current. With a `frequency`
-    it changes in parts that do not excite that mode of the stage (see the module). The contact slides
-    meanwhile, which the linear mode does not include, so the vibration is reduced but not removed.
+    The voltage changes at a constant rate over `duration` [s], and so with a constant current; 0 is a jump.
+    With a `frequency` [Hz] above 0, the voltage changes in parts that do not excite the mode of the stage
+    with this frequency and `damping` ratio: those of a `Shaper` of this `order`, each over `duration`. The
+    contact slides meanwhile, which a linear mode does not include, so the vibration is reduced but not
+    removed.
     """
 
     duration: Annotated[float, Quantity("s", "t_e", "time of the edge, of each part", minimum=0)] = 0.0
@@ -84,7 +89,8 @@ class Slip(NamedTuple):
 
     @classmethod
     def within(cls, current: float | str, capacitance: float | str, voltage: float | str) -> Slip:
-        """Return the edge of a voltage [V] into a capacitance [F] with a constant current [A]."""
+        """Return the edge whose duration is that of charging a capacitance [F] by a voltage [V] with a
+        constant current [A]; raise QuantityError unless the current is above 0 and finite."""
         ampere, farad = to_si(current, "A", "current"), to_si(capacitance, "F", "capacitance")
         if not 0.0 < ampere < math.inf:
             raise QuantityError(f"current = {ampere:g} A must be > 0 A and finite")
@@ -95,8 +101,8 @@ class Slip(NamedTuple):
             raise QuantityError(f"Slip.order = {self.order:g} must be a whole number")
 
     def corners(self, shortest: float = 1e-9) -> tuple[Array, Array]:
-        """Return times [s] after the rise, from 0, and the remaining share of the voltage, from 1 to 0,
-        linear in between; a jump takes `shortest` [s]."""
+        """Return two arrays: times [s] from the start of the edge, and the share of the voltage that remains
+        at each, from 1 to 0, linear in between. A jump takes `shortest` [s]."""
         if self.frequency:
             times, shares = Shaper(self.frequency, self.damping, self.order).parts()
         else:
@@ -109,9 +115,10 @@ class Slip(NamedTuple):
         return at, left
 
     def left(self, rate: float) -> tuple[float, ...]:
-        """Return the remaining share of the voltage at the ticks after the rise, at a rate [Hz].
+        """Return the share of the voltage that remains at each tick after the start of the edge, at an update
+        rate [Hz]; the last one is 0, and the only one for a jump.
 
-        Raises QuantityError for a mode above half the rate.
+        Raises QuantityError unless `frequency` is below half the rate.
         """
         below_half(self.frequency, rate, "Slip.frequency")
         times, levels = self.corners()
@@ -131,7 +138,7 @@ class Shaping:
     def __init__(self, controller: Controller, shaper: Shaper, rate: float | str) -> None:
         self.controller, self.rate = controller, RATE.check(rate, "Shaping.rate")
         self._taps = shaper.taps(self.rate)
-        self._targets: Array | None = None  # targets of the last ticks, latest first
+        self._targets: Array | None = None  # targets of the last ticks, m or rad, latest first
 
     @property
     def done(self) -> bool:

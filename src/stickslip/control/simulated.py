@@ -21,7 +21,7 @@ from .blocks import whole_number
 if TYPE_CHECKING:
     import xarray as xr
 
-_TOLD = 2000  # ticks between two progress calls
+_TOLD = 2000  # number of ticks between two calls of `progress`
 
 
 def simulate_control(
@@ -47,7 +47,8 @@ def simulate_control(
 
     Args:
         model: the actuator.
-        controller: object with `step(measured, target, tick)`; an attribute `done` ends the run.
+        controller: object with `step(measured, target, tick)`, which gets positions and the number of the
+            tick, and returns the voltage [V]; the run ends when its attribute `done`, if any, is True.
         target: wanted position, m (rad): a number, or a waveform in that unit.
         duration: longest duration, s.
         rate: update rate, Hz.
@@ -55,7 +56,7 @@ def simulate_control(
         noise: standard deviation of a measured position, m.
         seed: seed of the noise.
         tolerance: tolerance of the simulation in each tick, m.
-        progress: called with the share that is done.
+        progress: function that is called with "closed loop" and the finished fraction.
 
     Returns:
         Dataset over "time": end_effector_position, measured_position, target_position (m), drive_voltage (V).
@@ -91,7 +92,7 @@ def simulate_control(
         position = motion.position - start
         measured = position + read[tick]
         volts = _volts(step(measured, wanted[tick], tick), tick)
-        if not model.min_voltage <= volts <= model.max_voltage:  # this form refuses NaN, too
+        if not model.min_voltage <= volts <= model.max_voltage:  # also true for NaN
             raise QuantityError(
                 f"the controller asks for {volts:g} V at tick {tick}; {model.name or 'the actuator'} takes "
                 f"{model.min_voltage:g} V to {model.max_voltage:g} V"
@@ -117,10 +118,11 @@ def simulate_control(
 
 
 def _volts(said: Any, tick: int) -> float:
-    """Return the controller's output as a number, V; raise QuantityError if it is not one."""
-    if isinstance(said, float):  # the usual case
+    """Return the controller's output `said` at a tick as a number, V; raise QuantityError if it is not
+    one."""
+    if isinstance(said, float):
         return said
     field = f"what the controller returned at tick {tick}"
-    if isinstance(said, str):  # a controller computes numbers: "5 V" is an error here
+    if isinstance(said, str):  # even a text with a unit, "5 V", is an error of the controller
         raise QuantityError(f"{field} = {said!r:.60} is not a number (expected V)")
     return to_si(said, "V", field)

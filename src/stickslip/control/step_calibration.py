@@ -2,7 +2,7 @@
 
 A sensor is a function that returns the position in metres: from a camera, a gauge, or ``lambda:
 controller.position(0)`` for a controller with a sensor. Without a sensor, two limits at a known distance are
-enough, with a function that returns whether the axis is at a limit (from a switch, an image, the controller's
+enough, with a function that returns at which limit the axis is (from a switch, an image, the controller's
 status). `step_law.fit_steps` computes the law from the measurements.
 """
 
@@ -38,9 +38,10 @@ _MOST_STEPS = 10_000_000  # largest number of steps from limit to limit
 class Bursts(NamedTuple):
     """Plan of bursts (groups of equal steps) for a calibration.
 
-    For each voltage, `bursts` of `steps` each are made forward and then backward; all of it `repeats` times.
-    `settle` is the rest before each reading. The first burst after a change of direction is too short, so
-    each direction needs at least two.
+    For each of the `voltages` [V], `bursts` bursts of `steps` steps each, at a `frequency` [Hz], are made
+    forward and then backward. All voltages are repeated `repeats` times. `settle` is the rest before each
+    reading, s. The displacement of the first burst after a change of direction is too small, so each
+    direction needs at least two bursts.
     """
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes", above=0)]
@@ -59,7 +60,8 @@ class Bursts(NamedTuple):
 
     @property
     def plan(self) -> Iterator[tuple[float, int, bool]]:
-        """Yield voltage [V] and direction of each burst, and True if the direction changes before it.
+        """Yield a tuple for each burst: voltage [V], direction (1 or -1), and True if the direction changes
+        before it (also before the first).
 
         Every other repeat takes the voltages in reverse order.
         """
@@ -89,10 +91,12 @@ def measure_steps(
         sensor: function that returns the position in metres, increasing with steps up.
         bursts: the bursts to make.
         noise: standard deviation of a reading, m.
-        progress: called with the finished fraction.
+        progress: function that is called with the activity and the finished fraction.
 
     Returns:
-        Dataset over "burst", for `fit_steps`.
+        Dataset over "burst", for `fit_steps`: voltage (V), direction (1 or -1), steps, displacement (m),
+        noise (m, standard deviation of the displacement), after_reversal (1 for the first burst in a
+        direction); attributes frequency (Hz) and source, the name of the positioner.
 
     Raises:
         InterlockError: the positioner is not simulated, and the program not armed.
@@ -127,13 +131,14 @@ def measure_travel(
     progress: Progress = unheard,
 ) -> xr.Dataset:
     """Count the steps from limit to limit, for each voltage and direction, `repeats` times; return a dataset
-    over "burst" for `fit_steps`.
+    over "burst" for `fit_steps`, with the variables of `measure_steps`.
 
     Args:
         positioner, axis, progress: as for `measure_steps`.
         at_limit: function that returns 1 at the upper limit, -1 at the lower, 0 in between.
         travel: distance between the limits, m.
-        bursts: plan; its `steps` are made between two checks of the limit, and half of the last ones count.
+        bursts: plan; its `steps` are made between two checks of the limit. The limit lies within the last
+            ones, of which half are counted.
         error: standard deviation of the limits' positions, m.
 
     Raises:
@@ -169,6 +174,11 @@ def _to_limit(
     bursts: Bursts,
 ) -> int:
     """Step until the limit of a direction (1: upper, -1: lower) is reached; return the number of steps.
+
+    Args:
+        positioner, axis, at_limit, direction: as for `measure_travel`.
+        volts: amplitude, V.
+        bursts: plan, of which frequency, rest, and number of steps between two checks are used.
 
     Raises:
         RigError: the limit is not reached within `_MOST_STEPS`.
@@ -208,11 +218,13 @@ def _dataset(rows: list[Any], frequency: float, source: str) -> xr.Dataset:
 
 
 def read_bursts(path: str | os.PathLike[str], frequency: float | str) -> xr.Dataset:
-    """Return bursts from a CSV file, in the order of its lines.
+    """Return bursts from a CSV file, in the order of its lines, as a dataset like that of `measure_steps`.
 
-    The first line names the columns ``voltage [V], direction, steps, displacement [um], noise [nm]``, with
-    any units of these kinds. The direction is 1 or -1, the displacement is positive towards +x, and the noise
-    is the standard deviation of the displacement.
+    A burst in another direction than the previous one, and the first burst, count as after a change of
+    direction. Lines that start with # are ignored. The first other line names the columns
+    ``voltage [V], direction, steps, displacement [um], noise [nm]``, with any units of these kinds. The
+    direction is 1 or -1, the displacement is positive towards +x, and the noise is the standard deviation of
+    the displacement.
 
     Args:
         path: path of the file.
@@ -255,7 +267,7 @@ def read_bursts(path: str | os.PathLike[str], frequency: float | str) -> xr.Data
 
 
 def write_bursts(bursts: xr.Dataset, path: str | os.PathLike[str]) -> None:
-    """Write bursts as the CSV file that `read_bursts` reads."""
+    """Write bursts, a dataset from `measure_steps`, as the CSV file that `read_bursts` reads, in SI units."""
     head = ", ".join(f"{name} [{unit}]" if unit else name for name, unit in _COLUMNS.items())
     rows = np.column_stack([bursts[name].values for name in _COLUMNS]).tolist()
     lines = [head, *(", ".join(f"{value:.9g}" for value in row) for row in rows)]

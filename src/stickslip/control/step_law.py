@@ -47,21 +47,24 @@ Array = NDArray[np.float64]
 
 _MOST_BYTES = 1_000_000  # largest size of a file of a law
 FEWEST = 8  # fewest bursts for a fit beyond the number of step sizes (two for each voltage)
-# Bounds of the noise parameters in a fit: sigma, tau relative to the mean step, q_c and q_s.
+# Lowest and highest value of the noise parameters in a fit (see the module): sigma, tau divided by the mean
+# step, q_c and q_s.
 _BOUNDS = ((1e-4, 1.0), (1e-3, 1.0), (1e-7, 0.05), (1e-7, 0.05))
 _STARTS = ((0.05, 0.05, 1e-4, 1e-4), (0.2, 0.01, 2e-3, 1e-5), (0.02, 0.2, 1e-5, 2e-3))
 _FALLS = 0.25  # fall of the log-likelihood at the upper end of a drift; study: docs/benchmarks/open-loop.md
-_STEPPING = 0.05  # fraction of the largest step, below which a voltage makes no steps
+_STEPPING = 0.05  # step over the largest step, below which a voltage counts as making no steps
 
 
 @record
 class StepLaw(NamedTuple):
     """Step sizes of a motor by voltage and direction, with their standard errors, scatter and drift.
 
-    `scatter` is the scatter of single steps relative to their size, `threshold_scatter` the part independent
-    of the size. `common_drift` and `own_drift` are random walks, relative to a step and per square root of a
-    step: for both directions together and for each. `reversal` is the displacement lost at a change of
-    direction.
+    Fields: `voltages`, V, with the step sizes `forward` and `backward`, m, and their standard errors;
+    `frequency` of the steps, Hz. `scatter` is the standard deviation of single steps over their size,
+    `threshold_scatter` a part independent of the size, m. `common_drift` and `own_drift` are random walks,
+    relative to a step and per
+    square root of a step: for both directions together and for each. `reversal` is the displacement lost at a
+    change of direction, m, and `reversal_error` its standard error.
     """
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
@@ -89,7 +92,8 @@ class StepLaw(NamedTuple):
         return self.voltages[0] <= voltage <= self.voltages[-1]
 
     def size(self, voltage: float, direction: int) -> float:
-        """Return the size [m] of a step with this amplitude [V] in a direction, 1 or -1."""
+        """Return the size [m] of a step with this amplitude [V] in a direction, 1 or -1, interpolated
+        linearly; outside the calibrated voltages it is that of the nearest one."""
         return float(np.interp(voltage, self.voltages, self.forward if direction > 0 else self.backward))
 
     def step_scatter(self, voltage: float, direction: int) -> float:
@@ -98,9 +102,10 @@ class StepLaw(NamedTuple):
         return math.hypot(self.scatter * self.size(voltage, direction), self.threshold_scatter)
 
     def threshold(self, direction: int) -> tuple[float, float]:
-        """Return the voltage [V] at which steps start, and their slope [m/V].
+        """Return the voltage [V] at which steps in a direction (1 or -1) start, and the slope of their size
+        over the voltage [m/V].
 
-        Both come from a line through the lower half of the steps.
+        Both come from a line through the lower half of the voltages that make steps.
 
         Raises:
             QuantityError: fewer than two voltages make steps.
@@ -114,7 +119,8 @@ class StepLaw(NamedTuple):
         return float(-at_zero / slope), float(slope)
 
     def model(self, voltage: float) -> StepModel:
-        """Return the step sizes and uncertainties at an amplitude [V] for an `Estimator`."""
+        """Return the step sizes and uncertainties at an amplitude [V] for an `Estimator`; the load is left
+        out."""
         forward, backward = self.size(voltage, 1), self.size(voltage, -1)
         worst = max(
             error / size
@@ -135,7 +141,7 @@ class StepLaw(NamedTuple):
         )
 
     def _below(self, voltage: float) -> float:
-        """Return the calibrated voltage at or below an amplitude [V]."""
+        """Return the largest calibrated voltage [V] up to an amplitude [V]; the lowest if all are above."""
         return max((v for v in self.voltages if v <= voltage), default=self.voltages[0])
 
     def table(self) -> StepSizes:
@@ -145,8 +151,14 @@ class StepLaw(NamedTuple):
         return StepSizes(self.voltages, up, down)
 
     def equal_steps(self, rows: int = 16) -> Array:
-        """Return a table for a controller with amplitudes [V] for equally spaced step sizes; shape (rows, 3):
-        distance [m], amplitude forward and backward."""
+        """Return a table with which a controller can make steps of equal size forward and backward.
+
+        Each of the `rows` has a step size [m], equally spaced, and the amplitudes [V] for it forward and
+        backward; shape (rows, 3).
+
+        Raises:
+            QuantityError: no step size is made in both directions.
+        """
         of = self.table()
         volts = [np.array(self.voltages)] * 2
         low = max(of.forward[0], of.backward[0])
@@ -164,8 +176,9 @@ class StepLaw(NamedTuple):
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the law as JSON, or the table of `equal_steps` as CSV, depending on the file name's
-        ending."""
+        """Write the law as JSON; if the file's name ends with ".csv", the table of `equal_steps` instead,
+        with the columns step_m, forward_V and backward_V. Raises OSError, and QuantityError as
+        `equal_steps`."""
         path = Path(path)
         if path.suffix == ".csv":
             rows = [
@@ -198,7 +211,8 @@ def fit_steps(bursts: xr.Dataset) -> StepLaw:
             `frequency` [Hz].
 
     Raises:
-        QuantityError: too few bursts for their voltages, or a number is not finite.
+        QuantityError: a variable is missing, a voltage has no burst in one direction, there are too few
+            bursts for their voltages, or a number is not finite.
     """
     return _Fit(bursts).law()
 
@@ -234,10 +248,12 @@ class _Fit:
         self.x = np.zeros((self.y.size, sizes + 1))
         self.x[np.arange(self.y.size), self.column] = self.count
         self.x[:, -1] = -reversed_
-        # If all bursts or none follow a reversal, its lost displacement is not distinguished from the steps.
+        # The displacement lost at a reversal is fitted only if some bursts follow a reversal and others do
+        # not.
         if not np.ptp(reversed_):
             self.x = self.x[:, :-1]
-        # number of steps from the middle of each burst to the end of the calibration
+        # Number of steps from the middle of each burst to the end of the calibration, to which the step sizes
+        # refer.
         later = np.cumsum(self.count[::-1])[::-1] - 0.5 * self.count
         self.shared = np.minimum.outer(later, later)
         self.same = np.equal.outer(self.way, self.way)
@@ -247,7 +263,7 @@ class _Fit:
         """Return the fitted law."""
         low, high = np.log(_BOUNDS).T
         starts, noise = [np.log(start) for start in _STARTS], np.log(_STARTS[0])
-        for _ in range(2):  # the covariance depends on the step sizes
+        for _ in range(2):  # the covariance depends on the step sizes, so repeat the fit with the fitted ones
             found = [
                 scipy.optimize.minimize(
                     self._unlikely, start, method="L-BFGS-B", bounds=list(zip(low, high, strict=True))
@@ -281,7 +297,7 @@ class _Fit:
 
     @property
     def _mean(self) -> float:
-        """Return the mean step, m."""
+        """Return the mean size of all steps (voltages and directions), m."""
         return float(np.abs(self.means[: 2 * self.voltages.size]).mean())
 
     def _covariance(self, logs: Array) -> Array:
@@ -294,16 +310,19 @@ class _Fit:
         return made
 
     def _solved(self, logs: Array) -> tuple[Array, Array]:
-        """Return the estimates [m] of the step sizes (forward, then backward) and of the displacement lost at
-        a reversal, if it is fitted, with their covariance; `logs` are the logarithms of the noise
-        parameters."""
+        """Return the estimates [m] and their covariance [m²] for given noise parameters (`logs` as
+        `_unlikely`).
+
+        The estimates are the step sizes by voltage forward, then backward, then the displacement lost at a
+        reversal, if it is fitted."""
         factor = scipy.linalg.cho_factor(self._covariance(logs))
         weighted = scipy.linalg.cho_solve(factor, self.x)
         covariance = np.linalg.inv(self.x.T @ weighted)
         return covariance @ (weighted.T @ self.y), covariance
 
     def _unlikely(self, logs: Array) -> float:
-        """Return the negative restricted log-likelihood of noise parameters (logarithms)."""
+        """Return the negative restricted log-likelihood of noise parameters, given as natural logarithms in
+        the order of `_BOUNDS`."""
         factor = scipy.linalg.cholesky(self._covariance(logs), lower=True)
         x, y = (scipy.linalg.solve_triangular(factor, one, lower=True) for one in (self.x, self.y))
         normal = x.T @ x
@@ -312,7 +331,8 @@ class _Fit:
         return half + 0.5 * float(np.linalg.slogdet(normal)[1]) + 0.5 * float(left @ left)
 
     def _upper(self, best: Array, least: float, k: int, most: float) -> float:
-        """Return the upper end of a drift, as logarithm: where the log-likelihood has fallen by `_FALLS`.
+        """Return the upper end of a drift, as its logarithm: above the most likely value, the point at which
+        the log-likelihood has fallen by `_FALLS`.
 
         Args:
             best: logarithms of the most likely noise parameters.

@@ -26,19 +26,23 @@ from .shaping import Slip
 
 Array = NDArray[np.float64]
 
-# Share of a step in which the voltage rises; in the rest, after the slip edge, the vibration decays.
+# Share of a step's period in which the voltage rises. In the remaining time, after the slip edge, the
+# vibration decays.
 RISING = 0.8
 _EDGE = 1e-5  # shortest slip edge in a simulation without updates, as a share of the step's period
 _VOLTAGES = 16  # number of voltages in a table that is made from a model
 # In learning, the table counts as one measured step of this size, relative to its largest step.
 _PRIOR = 0.1
-_LEAST = 0.05  # smallest voltage of a table that is made from a model, relative to the largest
-_FEWEST = 8  # fewest ticks of a step
+_LEAST = 0.05  # smallest voltage of a table that is made from a model, over the largest
+_FEWEST = 8  # smallest number of ticks in the period of a step
 
 
 class StepTicks(NamedTuple):
-    """One step in ticks: its period, its rise, and the remaining shares of the voltage at the ticks after the
-    rise."""
+    """One step at the ticks of a controller.
+
+    Fields: `period` and `rise`, numbers of ticks in the step and in its rise; `slipping`, share of the
+    voltage that remains at each tick after the rise, until 0.
+    """
 
     period: int
     rise: int
@@ -53,7 +57,7 @@ class StepTicks(NamedTuple):
             raise QuantityError(
                 f"Stepping.frequency = {frequency:g} Hz leaves {period} ticks a step; {_FEWEST} are needed"
             )
-        # At least one tick after the rise has a remaining share of 0.
+        # After the rise, at least one tick has the share 0.
         return cls(period, round(RISING * period), slip.left(rate) or (0.0,))
 
     def left(self, count: int) -> float:
@@ -67,10 +71,11 @@ class StepTicks(NamedTuple):
 
 @record
 class StepSizes(NamedTuple):
-    """Net step sizes (distances, m) forward (towards +x) and backward at several voltages [V].
+    """Net step sizes (distances, m, or rad) `forward` (towards +x) and `backward` at several `voltages` [V].
 
-    In a step the voltage rises over the share `RISING` of its period, returns at once or along a slip edge,
-    and rests. Step sizes do not decrease with the voltage.
+    `rate` is the update rate for which the table was made, Hz; 0: any. In a step the voltage rises over the
+    share `RISING` of its period, returns at once or along a slip edge, and rests. Step sizes do not decrease
+    with the voltage.
     """
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
@@ -87,7 +92,7 @@ class StepSizes(NamedTuple):
         if list(self.voltages) != sorted(set(self.voltages)):
             raise QuantityError(f"StepSizes.voltages [V] must ascend: {list(self.voltages)}")
         for name, steps in (("forward", self.forward), ("backward", self.backward)):
-            if list(steps) != sorted(steps):  # `voltage_for` interpolates the voltage over the step size
+            if list(steps) != sorted(steps):  # `Steps.voltage_for` interpolates the voltage over the size
                 raise QuantityError(
                     f"StepSizes.{name} [m] must not become less with the voltage: {list(steps)}"
                 )
@@ -132,8 +137,16 @@ class StepSizes(NamedTuple):
 
 
 def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, slip: Slip) -> tuple[Array, str]:
-    """Return the net steps [m] of periodic walks with the amplitudes `volts` [V] at `hertz` steps per second,
-    NaN without a steady one; and the reason why the last one has none, otherwise an empty text."""
+    """Return the net steps [m] of periodic walks, NaN where no steady step is found, and the reason why the
+    last walk has none, otherwise "".
+
+    Args:
+        model: the actuator.
+        output: converter and amplifier that the drives pass.
+        hertz: steps per second.
+        volts: amplitudes [n], V; all negative for walks backward.
+        slip: edge with which each step slips.
+    """
     if not (output.updates or output.amplifier or np.isfinite(output.slope)):
         drive, shares = _knots(hertz, float(volts[-1]), slip)
         varied = {f"value_{k + 2}": volts * share for k, share in enumerate(shares[:-1].tolist())}
@@ -176,8 +189,19 @@ def _too_long(edge: float, left: float) -> QuantityError:
 
 
 def _ticks(output: OutputStage, hertz: float, amplitude: float, base: float, slip: Slip) -> Sampled:
-    """Return the waveform of a walk from the voltage `base` as a `Mover` asks for it: at the converter's
-    updates, rounded to its steps."""
+    """Return the waveform of a walk, as a `Mover` puts it out: at the converter's updates, rounded to its
+    voltage steps.
+
+    Args:
+        output: the output stage.
+        hertz: steps per second.
+        amplitude: amplitude of the steps, V; negative for a walk backward.
+        base: voltage at which each step starts and ends, V.
+        slip: edge with which each step slips.
+
+    Raises:
+        QuantityError: a step has too few ticks, or the edge takes too long.
+    """
     ticks = StepTicks.of(output.update_rate, hertz, slip)
     if len(ticks.slipping) > ticks.period - ticks.rise:
         raise _too_long(
@@ -191,11 +215,11 @@ def _ticks(output: OutputStage, hertz: float, amplitude: float, base: float, sli
 
 
 class Steps:
-    """A table of step sizes, multiplied by the factors `forward` and `backward`, which are learned by least
-    squares from the steps that were made. The engine's ``c/mover.h`` computes them.
+    """A table of step sizes, multiplied by the factors `forward` and `backward`. These are learned by least
+    squares from the steps that were made. The engine's ``c/mover.h`` computes the sizes and factors.
 
     Args:
-        table: initial table; in learning it counts as one step of a tenth of its largest.
+        table: initial table; in learning it counts as one measured step of a tenth of its largest size.
         learning: share by which each new step reduces the weight of the earlier ones, 0 to 1; 0 learns
             nothing.
     """
@@ -212,11 +236,13 @@ class Steps:
 
     @property
     def rows(self) -> list[tuple[float, ...]]:
-        """Return three rows, each starting with 0: voltages [V], steps forward [m], steps backward [m]."""
+        """Return the table as three tuples, each starting with 0: voltages [V], step sizes forward and
+        backward [m], without the learned factors."""
         return [(0.0, *one) for one in self.table[:3]]
 
     def continue_in(self, mover: Any) -> None:
-        """Copy the table into a mover in C; from then on this object shows and updates that table."""
+        """Copy the table into the C struct `mover`; from then on this object shows and updates the struct's
+        table, which the mover itself corrects during a move."""
         mover.table = self.of[0]
         self._mover, self.of = mover, ffi.addressof(mover, "table")
 
@@ -231,14 +257,16 @@ class Steps:
         return self.of.ways[1].factor
 
     def size(self, voltage: float, direction: int) -> float:
-        """Return the size [m] of a step with that amplitude [V] in a direction, 1 (towards +x) or -1."""
+        """Return the learned size [m] of a step with this amplitude [V] in a direction, 1 (towards +x) or
+        -1."""
         return self._lib.mover_size(self.of, voltage, direction)
 
     def voltage_for(self, distance: float, direction: int) -> float:
-        """Return the amplitude [V] of a step of a given distance [m]; the largest if no step reaches it."""
+        """Return the amplitude [V] of a step of this size [m] in a direction, 1 or -1, by the learned sizes;
+        the largest amplitude of the table if no step is so large."""
         return self._lib.mover_voltage_for(self.of, distance, direction)
 
     def learn(self, voltage: float, direction: int, distance: float) -> None:
-        """Update the factors by a step with that amplitude [V], which moved that distance [m] in its
-        direction."""
+        """Update the factor of a direction (1 or -1) by a step that was made: with this amplitude [V], it
+        moved by this distance [m] in the direction."""
         self._lib.mover_learn(self.of, voltage, direction, distance)

@@ -37,13 +37,17 @@ _MEMBERS = 40  # largest number of draws of a posterior that are used
 
 
 class MarginError(ValueError):
-    """Error: a loop does not keep a required margin for some model of the posterior; the message names the
-    margin."""
+    """Error: a loop does not keep a required margin, or is unstable, for some model of the posterior; the
+    message names the margin. Or no gain keeps all margins."""
 
 
 @record
 class MarginRequirement(NamedTuple):
-    """Stability margins that the loop must keep for every model."""
+    """Stability margins that the loop must keep for every model.
+
+    Fields: `max_sensitivity`, largest allowed sensitivity M_S; `gain_margin`, smallest ratio; `phase_margin`,
+    smallest angle, rad.
+    """
 
     max_sensitivity: Annotated[float, Quantity("", "M_S", "greatest sensitivity", above=1, maximum=100)] = 1.7
     gain_margin: Annotated[float, Quantity("", "g_m", "gain margin", minimum=1)] = 2.0
@@ -56,9 +60,10 @@ DEFAULT = MarginRequirement()
 class Margins(NamedTuple):
     """Stability margins of a loop, the worst of several models.
 
-    Fields: whether all loops are stable, largest sensitivity, gain margin, phase margin [rad], lowest
-    crossover [Hz]; and the frequency [Hz] of the lowest mode that the updates do not resolve (`aliased`, 0
-    without one). With an aliased mode the margins are not reliable.
+    Fields: `stable`, True if all loops are; largest `sensitivity`; smallest `gain_margin` (a ratio) and
+    `phase_margin` [rad]; lowest `crossover` frequency [Hz], at which the magnitude of the open loop falls
+    below 1; `aliased`, frequency [Hz] of the lowest mode that the updates do not resolve, 0 without one. With
+    an aliased mode the margins are not reliable.
     """
 
     stable: bool
@@ -69,7 +74,7 @@ class Margins(NamedTuple):
     aliased: float = 0.0
 
     def report(self) -> str:
-        """Return the margins in one line of text."""
+        """Return the margins in one line of text, or "unstable"."""
         if not self.stable:
             return "unstable"
         said = (
@@ -105,17 +110,19 @@ class Tuning(NamedTuple):
     requirement: MarginRequirement = DEFAULT
 
     def regulator(self, rate: float | str, **options: Any) -> Regulator:
-        """Return the regulator at a rate [Hz].
+        """Return the regulator with these gains and filters at an update rate [Hz].
 
-        `options` are those of `Regulator`: min_voltage, max_voltage, lead, feedforward.
+        `options` are further arguments of `Regulator`: min_voltage, max_voltage, lead, feedforward. By
+        default the feedforward is that of this tuning.
         """
         own = {"notches": self.notches, "low_pass": self.low_pass, "feedforward": self.feedforward}
         return Regulator(self.pid, rate, **own | options)
 
     @property
     def dataset(self) -> xr.Dataset:
-        """Return the response of the open loop (without unit) of each model over frequency [Hz], for
-        ``ss.plot``."""
+        """Return a dataset for ``ss.plot`` with the complex response open_loop (without unit) over "model"
+        and "frequency" (Hz), and as attributes the margins in words, and the required max_sensitivity and
+        phase_margin [degrees]."""
         frequencies = np.unique(np.concatenate([one.frequencies for one in self.loops]))
         own = self.regulator(self.loops[0].rate).response(frequencies)
         opened = np.array([own * one.at(frequencies) for one in self.loops])
@@ -145,15 +152,15 @@ class Tuning(NamedTuple):
         return hash(self._numbers())
 
     def _numbers(self) -> tuple[Any, ...]:
-        """Return all fields except the loops, whose arrays cannot be compared."""
+        """Return all fields as a tuple, for comparison, except `loops`, whose arrays cannot be compared."""
         return tuple(value for name, value in self._asdict().items() if name != "loops")
 
 
 def models_of(
     model: Actuator, posterior: Posterior | Sequence[Actuator] | None, members: int = _MEMBERS
 ) -> list[Actuator]:
-    """Return the model, followed by up to `members` models with evenly chosen draws of a posterior, or by
-    those of a list."""
+    """Return a list of the model itself, and of further models: those of a list, or up to `members` models
+    with the parameters of evenly chosen draws of a posterior. None: no further models."""
     if posterior is None:
         return [model]
     if not isinstance(posterior, Posterior):
@@ -198,7 +205,8 @@ def _warn_of_aliasing(found: Margins, rate: float) -> None:
 
 
 def _margins(opened: OpenLoop, factor: float = 1.0) -> Margins:
-    """Return the margins with the regulator's gain multiplied by `factor`."""
+    """Return the margins of one open loop, with stability, for the regulator's gain multiplied by
+    `factor`."""
     found = _from_curve(opened, factor)
     stable, sensitivity = opened.stable(factor), opened.sensitivity(factor)
     return found._replace(stable=stable, sensitivity=sensitivity, aliased=opened.loop.aliased)
@@ -210,8 +218,8 @@ def _from_curve(opened: OpenLoop, factor: float) -> Margins:
     level = opened.level + math.log(factor)
     least = float(np.abs(1.0 + factor * opened.curve).min())
     at = [factor * one for one in opened.turned]
-    # If the magnitude is below 1 from the first frequency on, the crossover lies below, with the phase of
-    # that frequency.
+    # If the magnitude of the open loop is below 1 at all frequencies, the crossover is below the first one.
+    # Take the phase at the first frequency.
     crossed = [p for _, p in crossings(level, opened.phase)] or [float(opened.phase[0])]
     turned = min(abs(math.remainder(p + math.pi, 2.0 * math.pi)) for p in crossed)
     first = int(np.argmax(level < 0.0))
@@ -229,8 +237,8 @@ def check_margins(
     output: OutputStage | None = None,
     delay: int = 1,
 ) -> Margins:
-    """Return the worst margins of a regulator over a model and a posterior. A `ControlWarning` names an
-    aliased mode.
+    """Check the margins of a regulator for a model and a posterior, and return the worst ones. A
+    `ControlWarning` names an aliased mode.
 
     Args:
         regulator: the regulator.
@@ -280,11 +288,12 @@ def tune(
     posterior: Posterior | Sequence[Actuator] | None = None,
     delay: int = 1,
 ) -> Tuning:
-    """Return integral gain, notch and low-pass of the fastest loop that keeps the required margins for all
-    models.
+    """Return the integral regulator, as a `Tuning`, of the fastest loop that keeps the required margins for
+    all models.
 
-    Candidates are no notch, and notches at the frequencies of the model's modes, each with several
-    low-passes. For each the largest gain is found by bisection; the fastest loop is returned.
+    Candidates are no notch, and notches at the frequencies of the model's modes, each without low-pass and
+    with several low-passes. For each candidate the largest integral gain is found by bisection. The fastest
+    loop is that with the largest gain.
 
     Args:
         model: identified actuator.
@@ -310,7 +319,7 @@ def tune(
     filters: list[tuple[Notch, ...]] = [()]
     filters += [(Notch(f, width),) for f in resonances if f < NEAR_NYQUIST * hertz for width in (0.4, 0.8)]
     least, most = 0.3 * min(resonances, default=1e3), 0.2 * hertz
-    # A loop that is slow compared with the stage does not need a low-pass.
+    # The candidate None has no low-pass: a loop that is slow compared with the stage does not need one.
     corners = [None, *(np.geomspace(least, most, 5) if least < most else ())]
     best: tuple[float, Any] = (0.0, None)
     for notches in filters:
@@ -339,7 +348,8 @@ def _greatest(
     loops: list[Loop],
     requirement: MarginRequirement,
 ) -> float:
-    """Return the largest integral gain, V/(m s), that keeps the margins; 0 if none does."""
+    """Return the largest integral gain, V/(m s), with which a regulator with these filters keeps the margins
+    for all loops; 0 if no gain does. `rate` is the update rate, Hz; `model` gives the largest gain to try."""
     unit = Regulator(Pid(1.0), rate, notches=notches, low_pass=low_pass)
     opened = [OpenLoop.of(unit, loop) for loop in loops]
     low, high = 0.0, 2.0 * math.pi * 0.1 * rate / model.gain
@@ -353,7 +363,8 @@ def _greatest(
 
 
 def _keeps(opened: OpenLoop, gain: float, requirement: MarginRequirement) -> bool:
-    """Return True if the loop is stable and keeps the margins with the regulator's gain multiplied by `gain`.
+    """Return True if the loop is stable and keeps the margins when the regulator's gain is multiplied by
+    `gain`.
 
     The margins at the computed frequencies are tested first: they exclude most gains without the expensive
     test of stability.
