@@ -27,9 +27,9 @@ FREEDOM = 7.0
 # residuals. FAR_SHARE: share of the drawn points whose residuals are multiplied by FAR in addition, for a
 # posterior with a longer tail on one side.
 WIDER, FAR_SHARE, FAR = 1.1, 0.15, 2.0
-# HELD_BACK: strength of the ridge penalty on the second-order coefficients, which counts as so many points
-# with a coefficient of zero. FEWEST: effective number of weighted points above which a second-order
-# polynomial is fitted; with fewer points, only a constant is fitted.
+# HELD_BACK: weight, in number of points, of the ridge penalty that pulls the second-order coefficients to
+# zero. FEWEST: effective number of weighted points above which a second-order polynomial is fitted; with
+# fewer points, only a constant is fitted.
 HELD_BACK, FEWEST = 3.0, 60.0
 # Smallest share of a component that remains in a mixture.
 LEAST_SHARE = 1e-3
@@ -78,8 +78,8 @@ class Bent(NamedTuple):
 
     @property
     def log_volume(self) -> float:
-        """Return the logarithm of the component's volume: the product of the residual standard deviations and
-        the determinant of the axes."""
+        """Return the natural logarithm of the component's volume: the product of the residual standard
+        deviations and the magnitude of the determinant of the axes."""
         return float(np.sum(np.log(self.left)) + np.linalg.slogdet(self.axes)[1])
 
 

@@ -99,12 +99,16 @@ def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
 
 
 def white_and_walk(pieces: Sequence[Array]) -> tuple[float, float]:
-    """Return the standard deviation of the white noise in residuals, and the relative variance of a random
-    walk.
+    """Return the standard deviation of the white noise in residuals, in their unit, and the relative variance
+    of a random walk.
 
     The second number is the variance that the walk gains per sample, divided by the variance of the white
-    noise. Noise with a 1/f spectrum is close to the sum of both. If the residuals show no random walk, noise
-    that is correlated over some samples counts by the sum of its autocovariance.
+    noise. Noise with a 1/f spectrum is close to the sum of both. If the residuals show no random walk, the
+    second number is 0, and noise that is correlated over some samples counts by the sum of its
+    autocovariance.
+
+    Args:
+        pieces: residuals of each recording, shape (n,), evenly sampled.
     """
     ratio = _walk(pieces)
     if ratio:
@@ -114,12 +118,13 @@ def white_and_walk(pieces: Sequence[Array]) -> tuple[float, float]:
 
 
 def filter_and_walk(pieces: Sequence[Array], walks: bool = True) -> tuple[Array, float, float]:
-    """Return the filter that whitens the stationary part of residuals, the variance of the whitened
-    residuals, and the variance that an additional random walk gains from sample to sample.
+    """Return three results: the filter 1, -a_1, ..., -a_p that whitens the stationary part of residuals, the
+    variance of the whitened residuals, and the variance that an additional random walk gains from sample to
+    sample.
 
     Args:
         pieces: residuals of each recording, shape (n,), evenly sampled.
-        walks: include a random walk; otherwise the last result is 0.
+        walks: True to allow a random walk; otherwise the last result is 0.
     """
     found = autoregression([r - r.mean() for r in pieces])
     walk, steps = _walk(pieces) if walks else 0.0, 0.0
@@ -193,8 +198,8 @@ def _without_walk(r: Array, ratio: float) -> Array:
 
 
 def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:
-    r"""Return :math:`J^T \Sigma J`, shape (k, k), for the Jacobians [n, k] of several recordings. Each
-    recording has noise of this model, with the covariance :math:`\Sigma`, independent of the other
+    r"""Return :math:`J^T \Sigma J`, shape (k, k), for the Jacobians J [n, k] of several recordings. The noise
+    of each recording has the covariance :math:`\Sigma` of this model, and is independent of the other
     recordings."""
     total = np.zeros((jacobians[0].shape[1],) * 2)
     for j in jacobians:

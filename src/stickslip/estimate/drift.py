@@ -167,6 +167,7 @@ def slope_at_rest(samples: Array) -> tuple[float, float]:
 
 
 def _chances(criterion: Array) -> Array:
-    """Return the probabilities of the tried random walks [k], from minus twice their log-likelihoods."""
+    """Return the probabilities of the tried random walks [k], whose sum is 1, from minus twice the
+    log-likelihood of each walk [k]."""
     chances = np.exp(-0.5 * (criterion - criterion.min()))
     return chances / chances.sum()

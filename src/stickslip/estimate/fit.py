@@ -87,9 +87,9 @@ def fit_least_squares(
 
 
 def _search_beyond(searches: SearchResults) -> None:
-    """Continue the best search beyond the ends of its search ranges, up to `WIDENED` times, while the best
-    fit lies at an end that is not a limit of the law and the sum of squares still decreases. The new ends are
-    added to `searches`."""
+    """Continue the best search beyond the ends of its search ranges, up to `WIDENED` times. This stops if the
+    best fit is at no such end, if the end is a limit of the law, or if the sum of squares no longer
+    decreases. The new ends are added to `searches`."""
     problem = searches.problem
     for _ in range(WIDENED):
         best = searches.best

@@ -37,7 +37,7 @@ def loosest(fit: Fit, apart: Collection[str]) -> str | None:
 def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
     """Return the names of parameters whose 95 % interval is wide: the ratio of its ends is at least `ratio`
     (logarithmic scale), or its width exceeds `share` times the search range (linear scale). An interval is
-    also wide if it is infinite, or begins at a least possible value of zero."""
+    also wide if it is infinite, or starts at a least possible value of zero."""
     found, intervals = [], fit.confidence_intervals()
     for p in fit.parameters:
         low, high = intervals[p.name]
@@ -53,7 +53,7 @@ def _between(p: Parameter, low: float, high: float) -> str:
     units.
 
     For a parameter with limits of a law, an interval that ends at infinity becomes "above ...", one that
-    begins at zero "below ...", and one over all limits "that it may have".
+    starts at zero "below ...", and one over all limits "that it may have".
     """
     if p.limits is not None and low <= p.least and high >= p.most:
         return "that it may have"

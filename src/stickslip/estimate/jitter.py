@@ -25,9 +25,9 @@ GAINED = 50.0
 # The scatter is not jitter if timing errors of neighbouring samples, or of successive periods, have a
 # correlation above COMMON, or above ERRORS standard errors of the correlation if that is larger.
 COMMON, ERRORS = 0.3, 3.0
-# Fewest samples in which the jitter is as large as the noise.
+# Fewest samples with jitter as large as the noise, without which no jitter is recognised.
 FEWEST = 12
-# Range of jitter that is searched, in sampling intervals.
+# Range in which the jitter (standard deviation of the sampling instants) is searched, in sampling intervals.
 LEAST, MOST = 1e-4, 3.0
 
 Array = NDArray[np.float64]

@@ -73,7 +73,7 @@ def events(residuals: Array, columns: Array, floor: float = 0.0, least: float = 
     """Return jumps and bursts in residuals, as `Event` in the order of their first samples; an empty list if
     there are too many to be single events.
 
-    A recording of over `LONGEST` samples is averaged over neighbours, so its events begin and end at whole
+    A recording of over `LONGEST` samples is averaged over neighbours, so its events start and end at whole
     groups of samples.
 
     Args:
@@ -206,7 +206,8 @@ class _Whitened:
 
     def _information(self, k: Places, m: Places) -> Array:
         """Return the product, weighted by the noise, of an impulse before sample k with one before sample m,
-        for each pair of the arrays k and m, both without the part that columns and known events describe."""
+        for each pair of the arrays k and m. The part that columns and known events describe is removed from
+        both impulses."""
         by = self.of_columns
         own = self.lags[np.abs(k - m)] - self.lags[k + m]
         return own - np.einsum("kc,kc->k", by[k - 1], by[m - 1])

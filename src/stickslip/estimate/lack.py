@@ -30,7 +30,7 @@ from .judgement import DEFAULT, Judgement
 
 # Share of samples off the usual converter level at which the noise at rest shows its full variance.
 MOST_HIDDEN = 0.3
-# Fewest samples at rest; differences are taken over up to an eighth of them.
+# Fewest samples at rest for tests against them; differences are over up to an eighth of them.
 FEWEST_AT_REST = 40
 FEWEST_PERIODS = 3
 # SMOOTHED: spectral lines in a running mean. BANDS: number of bands of lines that are tested.
@@ -151,7 +151,7 @@ def lacks_of(
     share: float,
     judgement: Judgement = DEFAULT,
 ) -> tuple[Lack, ...]:
-    """Return the lack-of-fit test of each recording, with probabilities corrected for the number of
+    """Return the lack-of-fit test (`Lack`) of each recording, with probabilities multiplied by the number of
     recordings; see `lack_of_fit`.
 
     Args:
@@ -297,7 +297,7 @@ def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
     change = (level[3 * m :] - level[: -3 * m]) ** 2
     quiet, moving = change[: n - 4 * m + 1], change[n - 2 * m :]
     usual = max(float(quiet.mean()), 2.0 * noise / m)
-    # Changes that begin less than 1.5 m samples apart are not independent.
+    # Changes that start less than 1.5 m samples apart are not independent.
     count = max((n - 3 * m) / (1.5 * m), 1.0)
     return float(scipy.special.fdtrc(1.0, count, float(moving.max()) / usual)) * 1.5 * moving.size / m
 

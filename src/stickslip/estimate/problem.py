@@ -79,9 +79,9 @@ class Problem:
         completed: function from a fit to the fit with the eliminated parameters.
 
     Raises:
-        FitError: the residuals cannot be computed at the initial guess, there are not more data than
-            parameters, no parameter is free, two have the same name, a loss is unknown, or the statements on
-            the noise contradict each other (a prior needs known noise).
+        FitError: the residuals cannot be computed at the initial guess; there are not more data than
+            parameters; no parameter is free, or two have the same name; the loss is unknown; or the
+            statements on the noise contradict each other (a prior needs known noise).
     """
 
     def __init__(
@@ -239,7 +239,8 @@ class Problem:
                 r = np.full(self.noise.size, np.nan)
             if self._known.size:
                 r = np.append(r, (q[self._known] - self._expected) / (self._spread * self.scale))
-            r[~(np.abs(r) < 1e100)] = np.nan  # their squares would overflow
+            # Squares of larger residuals would overflow.
+            r[~(np.abs(r) < 1e100)] = np.nan
             cost = float(r @ r)
         if cost < self.best_cost:
             self.best_cost, self.best = cost, q.copy()
@@ -253,7 +254,7 @@ class Problem:
         if self.jacobian is None:
             return self.differences(q, two_sided)
         of_data = self.by_coordinates(self.values(q)) / (self.noise * self.scale)[:, None]
-        # Where the model can be computed but its derivatives cannot, use differences.
+        # Use differences where the model can be computed, but its derivatives cannot.
         if not np.all(np.isfinite(of_data)):
             return self.differences(q, two_sided)
         if not self._known.size:

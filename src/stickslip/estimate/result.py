@@ -257,7 +257,8 @@ class Fit:
 
     @property
     def n_estimated(self) -> int:
-        """Return the number of estimated quantities, including the level of the noise if it was unknown."""
+        """Return the number of estimated parameters minus the number of priors, plus 1 if the level of the
+        noise was estimated."""
         return self.n_data - self.degrees_of_freedom + (not self.noise_known)
 
     @property
@@ -273,7 +274,7 @@ class Fit:
 
     @property
     def other_minima(self) -> str:
-        """Return a sentence on the other minima that fit as well, with their values; "" if there is none."""
+        """Return a sentence on the other minima that fit as well, with their values, or ""."""
         if not self.minima:
             return ""
         listed = "; ".join(
@@ -287,12 +288,12 @@ class Fit:
 
     @property
     def aic(self) -> float:
-        """Return Akaike's information criterion."""
+        """Return Akaike's information criterion, from `log_likelihood` and `n_estimated`."""
         return 2 * self.n_estimated - 2 * self.log_likelihood
 
     @property
     def bic(self) -> float:
-        """Return Schwarz's Bayesian information criterion."""
+        """Return Schwarz's Bayesian information criterion, from `log_likelihood` and `n_estimated`."""
         return math.log(self.n_data) * self.n_estimated - 2 * self.log_likelihood
 
     def derived(self, quantity: Callable[[Values], float]) -> tuple[float, float]:

@@ -37,7 +37,7 @@ class Conversion(NamedTuple):
 
 @cache
 def to_si_unit(unit: str) -> Conversion:
-    """Return the conversion of numbers in `unit` ("mm", "uN", "degC") to SI.
+    """Return the `Conversion` to SI of numbers in `unit` ("mm", "uN", "degC").
 
     Raises:
         QuantityError: the unit is not known, or has a dimension that recordings do not have.
@@ -64,8 +64,8 @@ def to_si_unit(unit: str) -> Conversion:
 
 
 def to_si_scale(text: str) -> Conversion:
-    """Return the conversion to SI for a unit with a number before it: "20 V" for a probe, "0.5 um/V" for a
-    sensor.
+    """Return the `Conversion` to SI for a unit with a number before it: "20 V" for a probe, "0.5 um/V" for a
+    sensor. A unit without a number is converted as by `to_si_unit`.
 
     Raises:
         QuantityError: see `to_si_unit`; or the number is 0 or not finite.

@@ -40,9 +40,8 @@ def save_nexus(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     `open_recording` and `read_recording` return the same recording from this file.
 
     Raises:
-        RecordingError: the recording breaks the schema, an attribute cannot be stored or has a name that
-            NeXus uses, a variable has a name that NeXus does not allow, or the name of the file does not end
-            in ``.nxs``.
+        RecordingError: the recording breaks the schema, an attribute cannot be stored, or the name of the
+            file does not end in ``.nxs``; or NeXus does not allow the name of a variable or attribute.
         OSError: the file cannot be written.
     """
     # The import is here, because only writing needs the module.
@@ -159,7 +158,7 @@ def _instrument(recording: xr.Dataset) -> Any:
 
 def _calibrations(attrs: dict[Any, Any]) -> Any:
     """Return an NXcollection of the calibrations in a recording's attributes, each as polynomial and as
-    table, named "VARIABLE_NUMBER" in the order of application; None if there are none."""
+    table, named "VARIABLE_NUMBER" in the order of application; None without calibrations."""
     made = {}
     for name, applied in json_attribute(attrs, "calibration").items():
         for k, said in enumerate(applied if isinstance(applied, list) else [], 1):

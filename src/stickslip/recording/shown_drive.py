@@ -308,7 +308,7 @@ def _residual(one: _Fitted) -> float:
 
 def _roundest(value: float, within: float, fits: Callable[[float], bool]) -> float:
     """Return the roundest number (0, then the fewest digits) that differs from `value` by at most `within`
-    and for which the function `fits` returns True; `value` itself if there is none."""
+    and for which the function `fits` returns True. If no such number exists, return `value` itself."""
     roundings = (0.0, *(float(f"{value:.{digits}g}") for digits in (1, 2, 3, 4, 5)))
     near = (one for one in roundings if abs(one - value) <= within)
     return next((one for one in near if fits(one)), value)

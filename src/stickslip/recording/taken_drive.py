@@ -72,7 +72,8 @@ class TakenDrive(NamedTuple):
         return Sequence(Rest(rests, level), (self.waveform, min(self.waveform.duration, lasts)))
 
     def said(self) -> str:
-        """Return a sentence on the chosen drive, for a report."""
+        """Return a phrase on the chosen drive for a report: the waveform and its residual, or the samples of
+        the channel and the reason."""
         if self.waveform is None:
             return f"the samples of {CHANNEL}, which are none of the usual waveforms"
         what = said_waveform(self.waveform)
@@ -90,7 +91,7 @@ class TakenDrive(NamedTuple):
 
 
 def from_zero(recording: xr.Dataset) -> xr.Dataset:
-    """Return the recording with its time shifted so that the first sample is at 0 s."""
+    """Return a copy of the recording with its time shifted so that the first sample is at 0 s."""
     time = recording["time"]
     return recording.assign_coords(time=("time", time.values - time.values[0], time.attrs))
 
@@ -122,7 +123,8 @@ def taken_drive(recording: xr.Dataset, slew_rate: float | None = None) -> TakenD
 
 
 def said_waveform(waveform: Any) -> str:
-    """Return a waveform in a few words, such as "Sawtooth 65 V, 5 Hz, 8 periods"."""
+    """Return a waveform as text: its name with amplitude, frequency, periods and offset, such as "Sawtooth 65
+    V, 5 Hz, 8 periods"."""
     name, fields = type(waveform).__name__, getattr(waveform, "_fields", ())
     said = [
         f"{getattr(waveform, field):.6g} {unit}"

@@ -44,8 +44,8 @@ def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
         unit: SI unit of the uncalibrated values.
 
     Raises:
-        CalibrationError: there is none, one cannot be loaded, or its input has another unit than the previous
-            output.
+        CalibrationError: the sequence is empty, a calibration cannot be loaded, or its input has another unit
+            than the previous output.
     """
     parts = (chain,) if isinstance(chain, Calibration | str | os.PathLike) else tuple(chain)
     loaded = tuple(part if isinstance(part, Calibration) else load_calibration(part) for part in parts)
@@ -143,7 +143,7 @@ def _warn_beyond(name: str, calibration: Calibration, values: NDArray[np.float64
 
 def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = "") -> str:
     """Return the attribute "calibration" of a recording: JSON text of a dictionary with the list of
-    calibrations of each variable; "" if there are none.
+    calibrations of each variable; "" without calibrations.
 
     Args:
         applied: JSON texts of the new calibrations, by the variable's name.

@@ -221,7 +221,8 @@ def _line_of(path: Path, layout: TextLayout, row: int) -> int:
 
 def _explained(path: Path, layout: TextLayout, indices: list[int], error: Exception) -> RecordingError:
     """Return an error that names the first field that is neither a number nor a date, or the first row with
-    too many fields; without one, the message of pandas' `error`."""
+    too many fields; without such a field or row, the message of pandas' `error`. `indices` are the columns
+    that were read."""
     width = len(layout.kinds)
     for number, line in _rows(path, layout):
         fields = layout.split(line)

@@ -44,7 +44,7 @@ FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 LIBRARY = re.compile(r"[+-]?1[.,]#[A-Za-z]+\d*([eE][+-]?\d+)?")
 
 
-# Delimiter that stands for any white space.
+# Delimiter that means any white space.
 SPACE = r"\s+"
 # Pattern of the signs that start a comment line; an error text of Excel, such as "#N/A", is no comment.
 COMMENT = re.compile(rf"\s*(#(?!{'|'.join(re.escape(one[1:]) for one in SHEET_ERRORS)})|%|//)+")

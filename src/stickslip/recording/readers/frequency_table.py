@@ -178,7 +178,7 @@ def _read(
 
 def _unit(channel: FileChannel) -> str:
     """Return the unit of a column, from its description or the end of its header, whether the package knows
-    this unit or not; "" if there is none."""
+    this unit or not; "" without a unit."""
     said = _UNITS.search(channel.shown)
     text = channel.unit or next((group for group in (said.groups() if said else ()) if group), "")
     text = text.strip()

@@ -122,7 +122,7 @@ def _clocks(found: dict[str, _Signal], order: list[str]) -> dict[str, int | None
     the channels).
 
     The time channel is the only array in the same group that has a name or unit of time and the same length;
-    None if there is none or several. `found` are the arrays by name.
+    otherwise the index is None. `found` are the arrays by name.
     """
     clocks: dict[str, int | None] = {}
     for name, one in found.items():

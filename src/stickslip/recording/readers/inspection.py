@@ -48,7 +48,7 @@ class Inspection(NamedTuple):
             frequency response, `named` are its columns by role.
         recording: the recording read with these arguments; None if that failed, or for a frequency response
             or a log.
-        problem: message of the failure; "" if there was none.
+        problem: message of the failure; "" without a failure.
         response: frequency response, if the file contains one; otherwise None.
         log: table of a log of "key: value" blocks, if the file contains one; otherwise None.
         large: True if the recording contains only the first `MOST` samples.

@@ -61,12 +61,12 @@ class TextLayout(NamedTuple):
         return split(line, self.delimiter)
 
     def fits(self, field: str, column: int) -> bool:
-        """Return True if a field has the kind of the column with this index, or stands for a missing
-        number."""
+        """Return True if a field (text) has the kind of the column with this index, or is a mark for a
+        missing number."""
         return Signs(self.decimal, self.missing).kind(field) in (self.kinds[column], "e")
 
     def is_data(self, line: str) -> bool:
-        """Return True if a line below the header is a row of data, not blank or a comment."""
+        """Return True if a line below the header is a row of data, that is, neither blank nor a comment."""
         return bool(line.strip()) and not (self.comment and COMMENT.match(line))
 
     def rewritten(self, text: str) -> str:

@@ -99,7 +99,7 @@ def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
 
 
 def _clock(channels: Sequence[FileChannel]) -> int | None:
-    """Return the index of the common time column; None if there is none, or if several are possible."""
+    """Return the index of the common time column; None if no column is a time, or if several are possible."""
     try:
         return common_clock(channels, {}, {c.name: i for i, c in enumerate(channels) if c.numeric}, {})
     except RecordingError:

@@ -53,7 +53,8 @@ def select(
     clocks: Mapping[str, Column],
     equally_spaced: bool,
 ) -> Selection:
-    """Return the variables and clocks that the user's arguments select from the channels of a file.
+    """Return the variables and clocks that the user's arguments select from the channels of a file, as a
+    `Selection`.
 
     Args:
         channels: channels of the file.

@@ -212,8 +212,8 @@ def in_table(rows: dict[int, list[str]]) -> tuple[dict[int, list[str]], list[Hea
         rows: fields of the lines by index of the line.
 
     Returns:
-        The lines by index, with the fields of the clock made blank; a list with the clock (`HeaderClock`),
-        empty if there is none; and True if the first column contains the numbers of the samples.
+        The lines by index, with the fields of the clock made blank; a list with the clock (`HeaderClock`), or
+        an empty list; and True if the first column contains the numbers of the samples.
     """
     for i, fields in rows.items():
         below = rows.get(i + 1, [])

@@ -30,10 +30,11 @@ class Rows(NamedTuple):
 
 
 class FileChannel(NamedTuple):
-    """One signal of a file, as a reader describes it."""
+    """One signal of a file, as a reader describes it. `numeric` is False if the signal contains no numbers;
+    comments explain the other fields."""
 
     name: str  # name in the file
-    unit: str = ""  # unit in the file; "" if there is none
+    unit: str = ""  # unit in the file; "" without a unit
     # Tuple by which a user can also refer to the channel, such as ("trace_y", 1).
     key: tuple[Any, ...] = ()
     # Index of the channel with the times of this one, if the file's layout determines it; None: unknown. A
