@@ -31,7 +31,7 @@ TERMS = 18
 
 
 def weights(z):
-    """Return the integrals I_0, I_1, I_2 and I_3 for a step of z time constants.
+    """Return I_0, I_1, I_2 and I_3 for a step of z time constants.
 
     The integrals are the weights of the coefficients of the drive's polynomial in the response of a creep
     term, see the module. For small z a power series avoids cancellation.
