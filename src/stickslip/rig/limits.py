@@ -38,17 +38,27 @@ class Limits(NamedTuple):
     this; with infinity, the default, it does not.
     """
 
-    min_voltage: Annotated[float, Quantity("V", "u_min", "least voltage", maximum=0)] = 0.0
-    max_voltage: Annotated[float, Quantity("V", "u_max", "greatest voltage", minimum=0)] = 150.0
-    max_slew: Annotated[float, Quantity("V/s", "R_max", "greatest slew", above=0, maximum=_INF)] = _INF
-    max_duty: Annotated[float, Quantity("", "D", "greatest duty", minimum=0, maximum=1)] = 1.0
-    min_position: Annotated[float, Quantity("m", "x_min", "end stop", minimum=-_INF, maximum=0)] = -_INF
-    max_position: Annotated[float, Quantity("m", "x_max", "end stop", minimum=0, maximum=_INF)] = _INF
-    watchdog: Annotated[float, Quantity("s", "T_w", "longest silence", above=0)] = 5.0
-    stop_slew: Annotated[float, Quantity("V/s", "R_0", "slew of the ramp to 0 V", minimum=1)] = 1000.0
-    frozen: Annotated[float, Quantity("s", "T_f", "longest time without a change", above=0, maximum=_INF)] = (
-        0.1
+    min_voltage: Annotated[float, Quantity("V", "u_min", "lowest voltage at the piezo", maximum=0)] = 0.0
+    max_voltage: Annotated[float, Quantity("V", "u_max", "highest voltage at the piezo", minimum=0)] = 150.0
+    max_slew: Annotated[
+        float, Quantity("V/s", "R_max", "greatest slew of the drive", above=0, maximum=_INF)
+    ] = _INF
+    max_duty: Annotated[
+        float, Quantity("", "D", "greatest fraction of a run away from 0 V", minimum=0, maximum=1)
+    ] = 1.0
+    min_position: Annotated[
+        float, Quantity("m", "x_min", "lower end stop relative to home", minimum=-_INF, maximum=0)
+    ] = -_INF
+    max_position: Annotated[
+        float, Quantity("m", "x_max", "upper end stop relative to home", minimum=0, maximum=_INF)
+    ] = _INF
+    watchdog: Annotated[float, Quantity("s", "T_w", "longest silence of rig or program", above=0)] = 5.0
+    stop_slew: Annotated[float, Quantity("V/s", "R_0", "slew of the ramp to 0 V at a stop", minimum=1)] = (
+        1000.0
     )
+    frozen: Annotated[
+        float, Quantity("s", "T_f", "longest time without a change of position", above=0, maximum=_INF)
+    ] = 0.1
     heartbeat: Annotated[
         float, Quantity("s", "T_h", "longest silence of the operator", minimum=0.2, maximum=_INF)
     ] = _INF

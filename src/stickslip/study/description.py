@@ -25,8 +25,8 @@ def described(study: Any) -> dict[str, Any]:
     """Return the description of a `Study` as JSON data; studies with equal descriptions have equal results.
 
     Its keys are "study" (points, measure, summary and kept results, with hashes of the user's own files),
-    "order" (see `_order`), "package" (version) and "engine" (hash of its sources). Title and size of tasks
-    are left out, because no result depends on them.
+    "order" (see `_order`), "package" (version) and "engine" (checksum of its C declarations). Title and size
+    of tasks are left out, because no result depends on them.
 
     Raises:
         RegistryError: a file of the user cannot be read.
@@ -35,7 +35,7 @@ def described(study: Any) -> dict[str, Any]:
         "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
         "order": _order(study.points),
         "package": __version__,
-        "engine": library().STICKSLIP_ABI,  # hash of the compiled engine's sources
+        "engine": library().STICKSLIP_ABI,  # checksum of the declarations in the engine's C headers
     }
 
 

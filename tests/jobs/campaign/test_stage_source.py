@@ -1,4 +1,4 @@
-"""What a report says of the stage: of the steps, fitted too, or taken as known; and of whose errors count."""
+"""Sentences of a report on the origin of the stage's parameters and on the errors that count."""
 
 from __future__ import annotations
 
@@ -34,23 +34,24 @@ def parameters(*names: str) -> Any:
 STEPS = SimpleNamespace(stage=np.eye(3), others=None)
 NONE = SimpleNamespace(stage=None, others=None)
 OF_PIEZO = SimpleNamespace(stage=None, others=np.eye(2))
+FROM_RESPONSES = "The stage's parameters come from the step responses"
 ALL = ("gain", "natural_frequency", "damping_ratio")
 
 
 @pytest.mark.parametrize(
     ("own", "fitted", "stage", "hysteresis", "inherited", "said", "counts"),
     [
-        ([], [], True, False, STEPS, "The stage is that of the steps, whose errors are part of", True),
-        ([], [], True, False, None, "The stage is that of the steps, whose errors are not part of", False),
-        ([], ALL, True, True, NONE, "The stage is that of the steps, free as far as", True),
+        ([], [], True, False, STEPS, f"{FROM_RESPONSES}, whose errors are part of", True),
+        ([], [], True, False, None, f"{FROM_RESPONSES}, whose errors are not part of", False),
+        ([], ALL, True, True, NONE, f"{FROM_RESPONSES}; the friction fit varies them", True),
         (
             [],
             [],
             False,
             False,
             None,
-            "The stage is taken as known, without recordings of steps: the uncertainty of damping_ratio, "
-            "natural_frequency and gain is not part of the intervals.",
+            "The stage's parameters are taken as known, because there are no recordings of steps: the "
+            "uncertainty of damping_ratio, natural_frequency and gain is not part of the intervals.",
             False,
         ),
         (
@@ -59,9 +60,9 @@ ALL = ("gain", "natural_frequency", "damping_ratio")
             False,
             True,
             OF_PIEZO,
-            "The gain of the stage is that of the recordings of hysteresis and creep, whose errors are part "
-            "of the intervals. What is left of it is taken as known, without recordings of steps: the "
-            "uncertainty of damping_ratio and natural_frequency is not part of the intervals.",
+            "The stage's gain comes from the recordings of hysteresis and creep, whose errors are part of "
+            "the intervals. The stage's other parameters are taken as known, because there are no recordings "
+            "of steps: the uncertainty of damping_ratio and natural_frequency is not part of the intervals.",
             False,
         ),
         (
@@ -70,8 +71,9 @@ ALL = ("gain", "natural_frequency", "damping_ratio")
             False,
             False,
             None,
-            "Of the stage, gain is fitted too. What is left of it is taken as known, without recordings of "
-            "steps: the uncertainty of damping_ratio and natural_frequency is not",
+            "The friction fit also identifies the stage's gain. The stage's other parameters are taken as "
+            "known, because there are no recordings of steps: the uncertainty of damping_ratio and "
+            "natural_frequency is not",
             False,
         ),
         (
@@ -80,10 +82,19 @@ ALL = ("gain", "natural_frequency", "damping_ratio")
             True,
             False,
             NONE,
-            "Of the stage, gain is fitted too. What is left of it is that of the steps, whose errors are not",
+            "The friction fit also identifies the stage's gain. The stage's other parameters come from the "
+            "step responses, whose errors are not",
             False,
         ),
-        (ALL, ALL, False, False, None, "Of the stage, damping_ratio, natural_frequency and gain are", True),
+        (
+            ALL,
+            ALL,
+            False,
+            False,
+            None,
+            "The friction fit also identifies the stage's damping_ratio, natural_frequency and gain.",
+            True,
+        ),
     ],
 )  # fmt: skip
 def test_what_is_said_of_the_stage(
@@ -104,8 +115,8 @@ def test_what_is_said_of_the_stage(
         inherited=inherited,
     )
     assert stage_words(file, found).startswith(said)
-    assert ("those of the stage too" in band_words(file, found, drawn=True)) == counts
-    assert band_words(file, found, drawn=False).startswith("the fit's noise alone")
+    assert ("including the stage's" in band_words(file, found, drawn=True)) == counts
+    assert band_words(file, found, drawn=False).startswith("the noise of the fit alone")
     own_source = bool(fitted) and bool(own)
     assert stage_heading(file, found, FROM_STEPS) == (FITTED_TOO if own_source else FROM_STEPS)
     assert stage_heading(file, found, "drift of the sensor") == "drift of the sensor"
@@ -130,9 +141,9 @@ def test_a_campaign_without_steps_takes_the_stage_as_known(tmp_path: Path) -> No
     )
     assert done.exit_code in (0, 1), done.stderr
     page = html.unescape((tmp_path / "out" / "report.html").read_text("utf-8"))
-    assert "The stage is taken as known, without recordings of steps" in page
-    assert "that of the steps" not in page
-    assert "those of the stage too" not in page
+    assert "The stage's parameters are taken as known, because there are no recordings of steps" in page
+    assert "come from the step responses" not in page
+    assert "including the stage's" not in page
 
 
 def test_a_limit_without_its_unit_is_refused_before_anything_is_recorded(tmp_path: Path) -> None:

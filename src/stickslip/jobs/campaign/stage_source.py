@@ -11,7 +11,8 @@ from .evaluation import CampaignResult
 from .file import CampaignFile
 
 # Headings of the stage's errors in the error budget: stage identified from steps, or by the friction fit.
-FROM_STEPS, FITTED_TOO = "stage from the steps", "stage, fitted too"
+FROM_STEPS, FITTED_TOO = "stage from the steps", "stage from the friction fit"
+_OTHERS = "The stage's other parameters"
 
 
 def stage_words(file: CampaignFile, found: CampaignResult) -> str:
@@ -21,14 +22,14 @@ def stage_words(file: CampaignFile, found: CampaignResult) -> str:
     """
     own = _asked_for(file)
     rest = [name for name in STAGE_PARAMETERS if name not in own]
-    said = [f"Of the stage, {_listed(own)} {_is(own)} fitted too."] if own else []
-    what = "What is left of it" if own else "The stage"
+    said = [f"The friction fit also identifies the stage's {_listed(own)}."] if own else []
+    what = _OTHERS if own else "The stage's parameters"
     if not rest:
         return said[0]
     if _held_by_steps(file, found):
-        said.append(f"{what} is that of the steps, free as far as they leave it open.")
+        said.append(f"{what} come from the step responses; the friction fit varies them within their errors.")
     elif found.stage is not None:
-        said.append(f"{what} is that of the steps, {_counted(_errors_of_steps(found))}.")
+        said.append(f"{what} come from the step responses, {_counted(_errors_of_steps(found))}.")
     else:
         said += _without_steps(found, rest, what)
     return " ".join(said)
@@ -44,15 +45,13 @@ def _without_steps(found: CampaignResult, rest: list[str], what: str) -> list[st
     """
     said = []
     if found.hysteresis is not None and "gain" in rest:
-        rest, what = [name for name in rest if name != "gain"], "What is left of it"
+        rest, what = [name for name in rest if name != "gain"], _OTHERS
         of = found.inherited is not None and found.inherited.others is not None
-        said.append(
-            f"The gain of the stage is that of the recordings of hysteresis and creep, {_counted(of)}."
-        )
+        said.append(f"The stage's gain comes from the recordings of hysteresis and creep, {_counted(of)}.")
     if rest:
         said.append(
-            f"{what} is taken as known, without recordings of steps: the uncertainty of {_listed(rest)} is "
-            "not part of the intervals."
+            f"{what} are taken as known, because there are no recordings of steps: the uncertainty of "
+            f"{_listed(rest)} is not part of the intervals."
         )
     return said
 
@@ -61,7 +60,7 @@ def stage_heading(file: CampaignFile, found: CampaignResult, source: str) -> str
     """Return the heading of a source of errors in the table of the error budget.
 
     It is the name of the source, with one exception: if the friction fit itself identified parameters of the
-    stage, without information from steps, "stage from the steps" becomes "stage, fitted too".
+    stage, without information from steps, "stage from the steps" becomes "stage from the friction fit".
     """
     is_own = source == FROM_STEPS and freed(found.friction) and not _held_by_steps(file, found)
     return FITTED_TOO if is_own else source
@@ -73,11 +72,13 @@ def band_words(file: CampaignFile, found: CampaignResult, *, drawn: bool) -> str
     `drawn` is False if the friction law has no derivatives; the bands then contain only the noise of the fit.
     """
     if not drawn:
-        return "the fit's noise alone; this law has no derivatives, which the errors of parameters need"
+        return (
+            "the noise of the fit alone: errors of parameters need derivatives, which this law does not have"
+        )
     rest = [name for name in STAGE_PARAMETERS if name not in _asked_for(file)]
     if _held_by_steps(file, found) or not rest or _errors_of_steps(found):
-        return "the errors of all parameters, those of the stage too, and the fit's noise"
-    return "the errors of what was fitted and the fit's noise, with the rest of the stage as it was taken"
+        return "the errors of all parameters, including the stage's, and the noise of the fit"
+    return "the errors of the fitted parameters and the noise of the fit; other parameters are taken as exact"
 
 
 def _asked_for(file: CampaignFile) -> list[str]:
@@ -104,7 +105,3 @@ def _counted(included: bool) -> str:
 
 def _listed(names: list[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
-
-
-def _is(names: list[str]) -> str:
-    return "is" if len(names) == 1 else "are"
