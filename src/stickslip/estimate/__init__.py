@@ -1,5 +1,5 @@
-"""Estimation: from residuals to a fit with its noise, uncertainty and identifiability. It knows no
-physics."""
+"""Estimation: from residuals to a fit with its noise, uncertainty and identifiability. These modules contain
+no physics."""
 
 from .._lazy import attach
 

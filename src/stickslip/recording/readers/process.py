@@ -82,7 +82,7 @@ class Reader:
     def start(self) -> None:
         """Start the separate process, so that the first file does not wait for the start; a busy machine is
         ignored."""
-        # Reading the first file starts the process again.
+        # A busy machine is no error here, because reading the first file starts the process again.
         with suppress(GateBusy):
             self._fence.start()
 
