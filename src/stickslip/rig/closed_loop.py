@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _TARGET, _ASKED = "target_position", "asked_voltage"
-_GRACE = 0.2  # s that the calling thread waits, after the ramp, for the loop's thread to end
-_LOOK = 0.02  # s between two checks of the loop's thread for its end and for silence
+_GRACE = 0.2  # longest wait of the calling thread, after the ramp, for the end of the loop's thread, s
+_LOOK = 0.02  # time between two checks of the loop's thread for its end and for silence, s
 
 
 def regulate(
@@ -73,17 +73,20 @@ def regulate(
         rig: a rig whose output is set update by update, such as `VirtualRig`; or a `HostedRig` of one.
         controller: has `step(measured, target, tick)`. A `HostedRig` needs a `ControllerSpec`, from which its
             process makes the controller.
-        target: m (rad) from home: a number, or a waveform in that unit.
-        channels: as for `measure`; the controlled position is `end_effector_position`.
-        limits: limits of the output; end stops and frozen readings end the run.
+        target: target position, m (rad) from home: a number, a text with unit, or a waveform in that unit.
+        channels: settings by the name of the recorded variable, without filter and `zero`. The channel
+            `end_effector_position` is the controlled position.
+        limits: limits of the output; end stops and constant readings end the run. `max_duty` must be 1.
         duration: longest duration, s.
-        interval: s between recorded samples, a multiple of the rig's; by default all samples are recorded.
+        interval: time between recorded samples, s, a multiple of the rig's; by default all samples are
+            recorded.
         title, attributes, progress, home, save: as for `measure`. A run that ended early is saved in
             unfinished/ beside `save`.
-        sees: called with the next values of each channel [n]; an error that it raises ends the run.
+        sees: called with the next values of each channel [n] by name; an error that it raises ends the run.
         plausibility: thresholds for the position, see `control.plausibility`; by default the controller's
             own, as for a `Mover`.
-        second: channel of another sensor of the same position, which is compared with the first.
+        second: name of a channel that measures the same position by another sensor, for comparison; "" for
+            none.
 
     Returns:
         The recording, with `target_position` [m or rad] and `asked_voltage` [V], the controller's request
@@ -92,10 +95,11 @@ def regulate(
         update) are statistics of the run.
 
     Raises:
-        QuantityError: a channel, the target or a time does not fit the rig. Nothing was put out.
+        QuantityError: a channel, a limit, the target or a time does not fit the rig. Nothing was put out.
+        InterlockError: the run may not start, for example because the output is not armed.
         LimitError: a limit was passed, the position is not plausible, or the controller failed; its
             `recording` contains the samples so far.
-        RigError: the rig does not answer as it should.
+        RigError: the rig allows no closed loop, or does not answer as it should.
     """
     home = _home_of(rig) if home is None else home
     rig, limits, _ = sited(rig, limits)  # type: ignore[assignment]
@@ -127,7 +131,7 @@ def regulate(
         raise QuantityError(
             f"duration = {seconds:g} s is longer than {can.name} takes, {can.max_points} updates"
         )
-    whole = isinstance(target, float | int)  # True if the target is one constant value
+    whole = isinstance(target, float | int)  # a constant target: one value is enough for all updates
     wanted = targets(target, 1 if whole else count, can.update_rate, unit)
     told = getattr(rig, "told", None)
     chains = {name: [to_text(one) for one in channel.calibration] for name, channel in channels.items()}
@@ -135,7 +139,7 @@ def regulate(
     shown = {**channels, POSITION: Channel(AT), _TARGET: Channel(WANTED), _ASKED: Channel(ASKED)}
     units = channel_units(looped(can, unit), shown, limits)
     texts |= {} if told is None else told(1)
-    if plausibility is None and not isinstance(rig, HostedRig):  # that rig's process asks the controller
+    if plausibility is None and not isinstance(rig, HostedRig):  # a HostedRig's process does this
         plausibility = plausibility_of(
             controller.made() if isinstance(controller, ControllerSpec) else controller
         )
@@ -186,7 +190,8 @@ def _looped(
     """Return a rig whose runs are the closed loop.
 
     A `HostedRig` is returned itself, set up so that its process closes the loop. Any other rig is wrapped in
-    a `LoopRig`. For the arguments see `LoopRig`; `samples` is the file of samples, or None.
+    a `LoopRig`, which explains the arguments. `samples` is the file of samples of the run, or None.
+    QuantityError if a `HostedRig` has no `ControllerSpec`.
     """
     if not isinstance(rig, HostedRig):
         made: Controller = controller.made() if isinstance(controller, ControllerSpec) else controller
@@ -201,10 +206,10 @@ def _looped(
 
 
 def targets(target: Waveform | float | str, count: int, rate: float, unit: str) -> list[float]:
-    """Return the target positions of a run [count].
+    """Return the target positions of a run in `unit`, one per update [count].
 
     Args:
-        target: a constant, or a waveform in `unit`.
+        target: a constant (number in `unit`, or text with a unit), or a waveform in `unit`.
         count: number of updates.
         rate: updates per second, Hz.
         unit: unit of positions, "m" or "rad".
@@ -224,13 +229,13 @@ def targets(target: Waveform | float | str, count: int, rate: float, unit: str) 
 
 
 class _Loop:
-    """One closed-loop run: the caller waits in `run`, while another thread executes `_go`.
+    """One closed-loop run: the caller waits in `run`, while another thread starts it and fetches its samples.
 
     Args:
         rig: the loop as a rig, or a hosted rig whose process closes the loop.
         making: settings of the recording.
         samples: file that gets the samples during the run, or None.
-        sees: called with the next values of each channel [n], or None.
+        sees: called with the next values of each channel [n] by name, or None.
     """
 
     def __init__(
@@ -243,12 +248,14 @@ class _Loop:
         self._rig, self._making, self._samples, self._sees = rig, making, samples, sees
         self._blocks = [np.zeros((len(making.inputs), 0))]
         self._count = self._most = 0
-        self._left = False  # True once `run` waits no longer, so that `_go` ends
+        self._left = False  # True once `run` has stopped waiting, so that the other thread ends
         self._ended = threading.Event()
         self._failure: BaseException | None = None
 
     def run(self, wanted: list[float], count: int, progress: Progress) -> BaseException | None:
-        """Run the loop and the ramp to 0 V; return the error that ended the run early, or None.
+        """Run the loop and then the ramp to 0 V; return the error that ended the run early, or None.
+
+        A failed ramp is an error too, see `stop_failed`.
 
         Args:
             wanted: target position at each update, m (rad).
@@ -282,7 +289,8 @@ class _Loop:
     def _listen(self) -> None:
         """Raise LimitError if neither controller nor rig has answered for `limits.watchdog` seconds.
 
-        A hosted rig is not checked here: its own process does that.
+        A hosted rig is not checked here, because its own process does that. The time before the start of the
+        rig does not count.
         """
         rig = self._rig
         if not isinstance(rig, LoopRig) or not rig.begun:
@@ -321,6 +329,6 @@ class _Loop:
         return np.concatenate(self._blocks, axis=1)
 
     def statistics(self) -> dict[str, Any]:
-        """Return the statistics of the run that `regulate` stores as attributes of the recording, by name."""
+        """Return the statistics of the run by their names in `turns.STATISTICS`, see `LoopRig.said`."""
         said = self._rig.said()
         return {name: said[name] for name in STATISTICS if name in said}

@@ -12,8 +12,9 @@ from typing import Any, NoReturn
 
 from .protocols import RigError
 
-LONGEST_REPLY = 1_000_000  # bytes; a longer answer is an error
-_INSISTENCE, _PAUSE = 1.0, 0.05  # s in which `insist` repeats a failed attempt, and s between attempts
+LONGEST_REPLY = 1_000_000  # largest length of an answer, bytes; a longer one is an error
+# Time for which `insist` repeats failed attempts, and pause between two attempts, s.
+_INSISTENCE, _PAUSE = 1.0, 0.05
 
 
 class Line:
@@ -23,13 +24,14 @@ class Line:
         device: name of the device in errors.
         host: name or address, or a serial port such as /dev/ttyUSB0.
         port: TCP port; None for a serial port, which needs pyserial.
-        timeout: s, for connecting and for each answer.
-        baud: bits/s of a serial port.
-        closing: close the connection if an answer is late or missing, because a later answer could be taken
-            for the answer to another request. Without it the caller must prevent that, and may still send.
+        timeout: longest wait, s, for the connection and for each answer.
+        baud: data rate of a serial port, bits/s.
+        closing: True to close the connection if an answer is late or missing, because a later answer could be
+            taken for the answer to another request. With False the caller must prevent that, and may still
+            send.
 
     Raises:
-        RigError: nobody answers there.
+        RigError: nobody answers there, or pyserial is missing.
     """
 
     def __init__(
@@ -66,7 +68,7 @@ class Line:
 
     @contextmanager
     def closed_on_refusal(self) -> Iterator[None]:
-        """Close the connection if the context fails, so that others can use the device."""
+        """Close the connection if an error leaves the context, so that others can use the device."""
         try:
             yield
         except BaseException:
@@ -76,8 +78,8 @@ class Line:
     def insist(self, act: Callable[[], object], begin: Callable[[], object] = lambda: None) -> None:
         """Bring the output to its safe state; if the connection breaks, try again on a new one.
 
-        Attempts go on for at least a second, and there are at least two. An error that leaves the connection
-        open is raised at once.
+        Attempts are repeated for `_INSISTENCE` s, and at least once. An error that leaves the connection open
+        is raised at once.
 
         Args:
             act: sends the commands for the safe state.
@@ -107,7 +109,7 @@ class Line:
         """Send bytes.
 
         Raises:
-            RigError: the connection is closed.
+            RigError: the connection is closed, or the bytes cannot be sent within the timeout.
         """
         if self.closed:
             raise RigError(f"{self.device}: {_told(content)} was not sent: the connection is closed")
@@ -123,7 +125,7 @@ class Line:
         Args:
             end: bytes that terminate the answer.
             asked: the request, for errors.
-            timeout: s; by default the timeout of the connection.
+            timeout: longest wait, s; by default the timeout of the connection.
 
         Raises:
             RigError: the answer is late or too long, or the connection is closed.
@@ -135,7 +137,7 @@ class Line:
         return found
 
     def exactly(self, count: int, asked: bytes = b"") -> bytes:
-        """Return the next `count` bytes. Raises RigError as `until`; `asked` is the request, for errors."""
+        """Return the next `count` bytes; `asked` is the request, for errors. Raises RigError as `until`."""
         last = time.monotonic() + self._timeout
         while len(self._rest) < count:
             self._receive(last, asked)
@@ -176,14 +178,14 @@ class Line:
         self._rest += came
 
     def fail(self, why: str) -> NoReturn:
-        """Raise RigError with a reason. Close the connection first if `closing` is set."""
+        """Raise RigError with the device and the reason `why`; close the connection before if `closing`."""
         if self._closing:
             self.close()
         raise RigError(f"{self.device}: {why}") from None
 
 
 def finite(text: str) -> float:
-    """Return the number in a text. ValueError if it is not a finite number."""
+    """Return the finite number that a text contains. ValueError if it contains something else."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not finite")
@@ -218,7 +220,8 @@ class _Tcp:
 
 
 class _Serial:
-    """A serial port with the methods of a socket. Its errors are OSErrors, too."""
+    """A serial port with the methods of a socket; its errors are OSErrors, too. `timeout` is in s, `baud` in
+    bits/s. RigError without pyserial."""
 
     def __init__(self, port: str, baud: int, timeout: float) -> None:
         try:
@@ -240,7 +243,8 @@ class _Serial:
         self._port.write(content)
 
     def recv(self, most: int) -> bytes:
-        """Return the bytes that have arrived, at least one."""
+        """Wait for a byte; return it and up to `most` more that have arrived. TimeoutError if none
+        arrives."""
         first = self._port.read(1)
         if not first:
             raise TimeoutError("nothing came")

@@ -1,4 +1,4 @@
-"""File locks, which the system releases when their process ends in any way, and folders for one user only."""
+"""File locks, which the system releases when their process ends in any way; folders of one user only."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-POLL = 0.02  # s between two attempts to get a lock
+POLL = 0.02  # time between two attempts to get a lock, s
 
 
 @contextmanager
 def locked(path: Path, most: float = 0.0) -> Iterator[bool]:
-    """Try to lock a file for the duration of the context. Yield True if the lock was obtained.
+    """Try to lock a file, exclusively, for the duration of the context.
 
-    If another process has the lock, wait `most` seconds at most.
+    Yield True if the lock was obtained. If another process has the lock, wait up to `most` seconds for it,
+    then yield False. A missing file is created.
     """
     end = time.monotonic() + most
     while True:
@@ -32,7 +33,7 @@ def locked(path: Path, most: float = 0.0) -> Iterator[bool]:
 
 
 def taken(file: int, shared: bool = False) -> bool:
-    """Try to lock an open file. Return True if the lock was obtained.
+    """Try once to lock an open file. Return True if the lock was obtained, else False.
 
     The lock lasts as long as the file is open. It is exclusive; with `shared` several programs can have it at
     the same time, but none can have an exclusive one. Windows knows exclusive locks only.

@@ -23,16 +23,17 @@ from ..gate.files import opened
 from ..gate.text import load_json
 
 FILE = "log.jsonl"
-MOST_BYTES = 8_000_000  # bytes at the end of a log that are read: some 30,000 lines
+MOST_BYTES = 8_000_000  # number of bytes at the end of a log that are read (some 30,000 lines)
 LEVELS = ("info", "warning", "error")
-_LONGEST = 2000  # characters to which each text of a line is shortened
+_LONGEST = 2000  # largest number of characters of each text of a line; the rest is cut off
 
 
 class Entry(NamedTuple):
     """A line of the log.
 
     `id` is the byte offset of the line in the file, `time` is in ISO 8601 (UTC), and `level` is one of
-    `LEVELS`. `who`, `where` and `why` may be "".
+    `LEVELS`. `what` has happened; `who` is the person or program and `where` the place of the act. `who`,
+    `where` and `why` may be "".
     """
 
     id: int
@@ -45,20 +46,20 @@ class Entry(NamedTuple):
 
 
 class Logbook:
-    """Writer of the log of one folder; any thread may write."""
+    """Writer of the file log.jsonl of one folder; any thread may write."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE
         self._lock = threading.Lock()
-        self._next = 0  # id of the next line if the file cannot be written
+        self._next = 0  # `id` that the next entry gets if the file cannot be written
 
     def write(
         self, what: str, *, who: str = "", where: str = "", why: str = "", level: str = "info"
     ) -> Entry:
-        """Append a line, wait until it is on the disk, and return it.
+        """Append a line, wait until it is on the disk, and return it. `Entry` explains the arguments.
 
-        If the line cannot be written, that is reported on stderr and not raised: a full disk must end neither
-        a run nor its stop.
+        An error of writing is reported on stderr and not raised: a full disk must end neither a run nor its
+        stop.
         """
         time = datetime.now(UTC).isoformat(timespec="milliseconds")
         texts = {"who": who, "where": where, "what": what, "why": why}
@@ -95,7 +96,8 @@ def read_log(path: Path, search: str = "", most: int = 500) -> list[Entry]:
 class _LogSearch(NamedTuple):
     """Search of the log, executed in the separate process that reads files.
 
-    `words` are in lower case; `most` is the greatest number of lines that are returned.
+    A call takes the path of the log and returns the fields of the entries that contain all `words` (in lower
+    case), the newest first, up to `most` entries.
     """
 
     words: list[str]
@@ -140,9 +142,10 @@ def _entry(at: int, line: bytes) -> Entry | None:
 
 
 def _appended(path: Path, line: bytes) -> int:
-    """Append a line to a file and return its byte offset.
+    """Append a line to a file, wait until it is on the disk, and return its byte offset.
 
     If a crash has cut the last line short, a line end is inserted first, so that only that line is damaged.
+    OSError if the path is no regular file or cannot be written.
     """
     flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     file = os.open(path, flags, 0o600)
@@ -153,7 +156,7 @@ def _appended(path: Path, line: bytes) -> int:
         if status.st_size and os.pread(file, 1, status.st_size - 1) != b"\n":
             line = b"\n" + line
         rest = memoryview(line)
-        while rest:  # a nearly full disk writes only a part
+        while rest:  # on a nearly full disk, os.write may write only a part
             rest = rest[os.write(file, rest) :]
         os.fsync(file)
         return os.fstat(file).st_size - len(line.lstrip(b"\n"))
@@ -162,14 +165,15 @@ def _appended(path: Path, line: bytes) -> int:
 
 
 def _plain(text: str) -> str:
-    """Return the text as one line that UTF-8 can encode."""
+    """Return the text as one line that UTF-8 can encode, cut off after `_LONGEST` characters."""
     return " ".join(str(text).encode("utf-8", "backslashreplace").decode().split())[:_LONGEST]
 
 
 def tail(path: Path, most: int) -> list[Entry]:
-    """Return the last `most` lines of this program's own log, the oldest first; empty if unreadable.
+    """Return the last `most` entries of this program's own log, the oldest first; [] if it is unreadable.
 
-    Only the last 100 kB are read, in this process: the log is trusted.
+    Only the last 100 kB are read. They are read in this process, unlike by `read_log`, because the program's
+    own log is trusted.
     """
     found = []
     with suppress(OSError, GateError):

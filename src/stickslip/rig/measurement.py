@@ -35,15 +35,15 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DRIVE, POSITION = "drive", "end_effector_position"
-SETTLING = 0.01  # s sampled before the recording starts, in which the channels' filters settle
+SETTLING = 0.01  # time sampled before the recording starts, in which the channels' filters settle, s
 
 
 class RunPlan(NamedTuple):
     """Plan of one run of a rig.
 
-    `volts` are the voltages at the piezo, one per update [n], and `samples` is the number of samples to
-    record. `begin` is the index of the sample at which the drive starts, and `wait` the longest wait for the
-    trigger after that, in samples.
+    `volts` are the voltages at the piezo, one per update [n], with 0 V before the drive. `samples` is the
+    number of samples that the rig takes. `begin` is the index of the sample at which the drive starts, and
+    `wait` the longest wait for the trigger after that, in samples of the rig.
     """
 
     volts: Array
@@ -73,22 +73,26 @@ def measure(
 
     Args:
         rig: virtual or real.
-        drive: V at the piezo.
-        channels: by the name of the recorded variable.
+        drive: waveform of the voltage at the piezo, V.
+        channels: input and processing of each recorded variable, by the name of the variable.
         capture: length, interval, trigger, averaging.
         limits: limits of the output and the position.
-        title, notes, attributes: stored with the recording.
+        title, notes, attributes: texts, and attributes by name, that are stored with the recording.
         progress: called at each block of samples, with "recording" and the finished fraction of the runs.
         home: origin of positions; by default the end-effector's position when this rig was first used. A
             `HostedRig` has its own home.
         save: file for the recording, NAME.nc. Disk space is reserved before the output starts, and the
             samples are stored beside the file during the run. If the program is killed, `samples.recover`
-            makes a recording of them. A run that ended early goes to unfinished/NAME.nc, the error's
-            attribute `kept`.
+            makes a recording of them. A run that ended early goes to unfinished/NAME.nc, whose path is then
+            the error's attribute `kept`.
+
+    Returns:
+        The recording: a variable for each channel at the times of the recording, s.
 
     Raises:
         QuantityError: a channel, the drive or the capture does not fit the rig. Nothing was put out.
-        LimitError: the drive was refused, or stopped.
+        InterlockError: the run may not start, for example because the output is not armed.
+        LimitError: the drive was refused, or the run was stopped at a limit.
         CaptureError: the trigger did not come.
         RigError: the rig does not answer as it should.
         OSError: there is no room for the recording. Nothing was put out.
@@ -100,7 +104,7 @@ def measure(
     plan = plan_run(can, drive, channels, capture, limits)
     site.check(plan.volts, limits, can)
     limits = narrower
-    told = getattr(rig, "told", None)  # method of a rig that gives attributes for its recordings
+    told = getattr(rig, "told", None)  # a rig may have this method, which returns attributes of recordings
     told = {} if told is None else told(int(capture.average))
     texts = {"title": title, "notes": notes, **(attributes or {}), **told}
     making = Making(can, channels, units, capture, limits, plan.begin, plan.wait, drive_text(drive), texts)
@@ -141,7 +145,7 @@ def _keep(
     """Attach an incomplete recording to the error that ended it, as its attribute `recording`.
 
     With `samples` and `save` the recording is also saved in unfinished/ beside `save`, and the path becomes
-    the error's attribute `kept`.
+    the error's attribute `kept`. If that fails, the error gets a note and the file of samples stays.
     """
     failure.recording = recording  # type: ignore[attr-defined]
     if recording is None or samples is None or save is None:
@@ -155,7 +159,7 @@ def _keep(
 def _home_of(rig: Rig) -> Home:
     try:
         return _HOMES.setdefault(rig, Home())
-    except TypeError:  # the object of a user's own rig cannot be a key of a dictionary
+    except TypeError:  # a user's own rig cannot be a dictionary key: its home cannot be kept
         return Home()
 
 
@@ -173,7 +177,10 @@ def plan_run(
     Nothing is output. The arguments are those of `measure`; `can` are the capabilities of the rig.
 
     Raises:
-        QuantityError, LimitError, CaptureError: as `measure`.
+        QuantityError: the drive is no waveform in V or repeats too fast, the run is too long for the rig, or
+            the capture does not fit the rig.
+        LimitError: the limits forbid the drive.
+        CaptureError: the trigger cannot come.
     """
     if not hasattr(drive, "drive"):
         raise QuantityError(f"drive = {drive!r} is no waveform, such as Step('60 V')")
@@ -207,10 +214,14 @@ def _wait(
 
     Args:
         can: capabilities of the rig.
-        played: voltage at each update from the start of the drive [n].
+        played: voltage at each update from the start of the drive [n], V.
         channels: channels of the recording by name.
         capture: settings of the recording.
         span: duration of the drive, s.
+
+    Returns:
+        0 without a trigger. If the trigger is the drive, its known time after the start plus 5 ms; for any
+        other signal the duration of the drive.
 
     Raises:
         QuantityError: the trigger's signal is no channel.
@@ -231,7 +242,7 @@ def _wait(
             f"the drive never passes {trigger.level:g} V ({trigger.edge} edge): it goes from "
             f"{min(played.min(), 0.0):g} to {played.max():g} V, beginning at 0 V"
         )
-    # Converter steps and a filter may delay the trigger by some milliseconds: 5 ms are added.
+    # The steps of the converter and a filter may delay the trigger by some milliseconds, so 5 ms are added.
     return math.ceil((found / can.update_rate + 0.005) * can.sample_rate)
 
 
@@ -239,7 +250,8 @@ def channel_units(can: Capabilities, channels: Mapping[str, Channel], limits: Li
     """Return the unit of each channel after calibration, by name of the channel.
 
     Raises:
-        QuantityError: the rig cannot record a channel, or its unit does not fit its name.
+        QuantityError: there is no channel, the rig cannot record one, its unit does not fit its name, or its
+            filter does not fit the sampling rate.
         LimitError: the limits have end stops, but no channel records the end-effector's position.
     """
     if not channels:
@@ -281,7 +293,10 @@ def _check_length(can: Capabilities, seconds: float) -> None:
 
 
 def _check_speed(can: Capabilities, drive: Waveform) -> None:
-    """Raise QuantityError if the frequency of a drive exceeds half the output's update rate (aliasing)."""
+    """Raise QuantityError if a part of a drive repeats faster than half the output's update rate (aliasing).
+
+    The check covers periodic waveforms and frequency sweeps.
+    """
     for part, _ in getattr(drive, "parts", ((drive, 0.0),)):
         period: float | None = getattr(part, "period", None)
         ends = getattr(part, "start_frequency", 0.0), getattr(part, "end_frequency", 0.0)
@@ -301,10 +316,11 @@ def _run(
     samples: Samples | None,
     progress: Progress,
 ) -> tuple[Array, BaseException | None]:
-    """Make one run; return its raw samples [inputs, n] and the error that ended it early, or None."""
+    """Make one run and ramp to 0 V; return its raw samples [inputs, n], and the error that ended it early or
+    None."""
     channel = making.channels.get(POSITION)
     position = None if channel is None else PositionInput(channel.input, channel.calibration)
-    guard = getattr(rig, "guard", None)  # None unless another process supervises the rig
+    guard = getattr(rig, "guard", None)  # method of a rig that another process supervises
     if guard is not None:
         guard(making.limits, position, plan.begin, None if samples is None else samples.path)
     gate = Gate(rig, making.limits, making.can, home)

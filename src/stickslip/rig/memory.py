@@ -1,4 +1,7 @@
-"""Memory of processes that run for weeks: it is returned to the system; garbage is collected between runs."""
+"""Memory of processes that run for weeks.
+
+Freed memory is returned to the system, and garbage is collected between runs instead of during a run.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +10,20 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-_MMAP_THRESHOLD, _ARENA_MAX = -3, -8  # numbers of two parameters of glibc's function mallopt
-_LARGE = 2**20  # bytes; larger blocks (arrays) are mapped one by one, and returned when they are freed
-_NEVER = 2**30  # partial garbage collections before a full one: practically never
-_MANY = 50_000  # objects; a full collection of more takes over 50 ms, so they are then exempted
+# Numbers of two parameters of glibc's function mallopt: M_MMAP_THRESHOLD and M_ARENA_MAX (number of heaps).
+_MMAP_THRESHOLD, _ARENA_MAX = -3, -8
+_LARGE = 2**20  # size, bytes, above which blocks (arrays) are mapped one by one and returned when freed
+_NEVER = 2**30  # number of partial garbage collections before a full one: practically no full one
+# Number of Python objects above which `collect` exempts them; a full collection would take over 50 ms.
+_MANY = 50_000
 
 
 def give_memory_back() -> None:
-    """Set up glibc to return freed memory to the system. Call before threads start; no effect without glibc.
+    """Set up glibc so that freed memory returns to the system: 2 heaps, and single mappings above `_LARGE`.
 
-    By default each thread has its own heap, which also takes large arrays once some were freed. A panel that
-    displayed a run while files were read grew by some 12 MB a minute.
+    Call this before threads start; without glibc it has no effect. By default each thread has its own heap,
+    which also takes large arrays once some were freed. A panel that displayed a run while files were read
+    grew by some 12 MB a minute.
     """
     with suppress(OSError, AttributeError, TypeError):
         glibc = ctypes.CDLL(None)
@@ -27,7 +33,7 @@ def give_memory_back() -> None:
 
 @contextmanager
 def collected_on_request() -> Iterator[None]:
-    """Switch automatic full garbage collections off while the context lasts; `collect` makes them.
+    """Switch automatic full garbage collections off while the context lasts; `collect` makes them instead.
 
     An automatic collection in the middle of a run blocked all threads of the panel, and a stop with them, for
     0.2 to 0.35 s (300,000 objects, nearly all of modules).
@@ -42,7 +48,7 @@ def collected_on_request() -> Iterator[None]:
 
 
 def collect() -> None:
-    """Collect garbage now. Call it when no run is active that may need a stop.
+    """Collect garbage now. Call this while no run is active, because all threads wait for the collection.
 
     Within `collected_on_request`, if there are more than `_MANY` objects, all present objects are exempt from
     later collections: nearly all of them belong to modules and stay.

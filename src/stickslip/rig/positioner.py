@@ -9,15 +9,15 @@ from ..quantities.units import QuantityError, to_si
 from .interlock import HOW_TO_ARM, InterlockError, arming
 from .protocols import About, RigError
 
-_POLL = 0.02  # s between two queries for the end of a motion
+_POLL = 0.02  # pause between two queries for the end of a motion, s
 
 
 class Ranges(NamedTuple):
     """Axes and ranges of a positioner.
 
     `axes` are the numbers of its axes. Voltages are amplitudes of steps in V, frequencies are step rates in
-    Hz, and `max_steps` is the greatest number of steps of one command. `sensor` is True with a position
-    sensor. `scans` is True if the positioner can hold a constant voltage.
+    Hz, and `max_steps` is the greatest number of steps of one command. `sensor` is True if all axes have a
+    position sensor. `scans` is True if the positioner can hold a constant voltage.
     """
 
     name: str
@@ -81,7 +81,7 @@ class Positioner(Protocol):
         ...
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Set the piezo of an axis to a constant voltage, V."""
+        """Set the piezo of an axis to a constant voltage, V; RigError if the controller cannot do that."""
         ...
 
     def moving(self, axis: int) -> bool:
@@ -89,7 +89,7 @@ class Positioner(Protocol):
         ...
 
     def position(self, axis: int) -> float:
-        """Return the position of an axis, m; without a sensor, the controller's count of net steps."""
+        """Return the position of an axis, m; without a sensor, the net number of steps that were counted."""
         ...
 
     def stop(self) -> None:
@@ -119,7 +119,7 @@ def wait(positioner: Positioner, axis: int, longest: float | str = 60.0) -> None
     Args:
         positioner: the controller.
         axis: number of the axis.
-        longest: longest wait, s; then all motions are stopped.
+        longest: longest wait, s; after that time all motions are stopped.
 
     Raises:
         RigError: the axis still moved after `longest` s.

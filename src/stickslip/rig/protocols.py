@@ -29,17 +29,17 @@ class StopRequested(RigError):
 
 
 class RigWarning(UserWarning):
-    """A state of a rig that people must look at now."""
+    """Warning of a state of a rig that people must look at now, such as a stop without an answer."""
 
 
 class Capabilities(NamedTuple):
     """Abilities of a rig: rates in Hz, voltages at the piezo in V.
 
-    `step` is the resolution of the output, V. `max_points` is the greatest number of updates of a drive and
-    of samples of a recording. `inputs` gives the unit of each input by its name. A rig with `streams` false
-    delivers its samples only after the run; end stops are not checked before. `jitter` is the uncertainty of
-    the delay between the starts of output and recording, s. `own_slew` is the slew rate of the ramp to 0 V
-    that the rig itself appends to a drive, V/s.
+    `name` is the name of the rig for people. `step` is the resolution of the output, V. `max_points` is the
+    greatest number of updates of a drive and of samples of a recording. `inputs` gives the unit of each input
+    by its name. A rig with `streams` false delivers its samples only after the run, so that end stops are not
+    checked during the run. `jitter` is the uncertainty of the delay between the starts of output and
+    recording, s. `own_slew` is the slew rate of the ramp to 0 V that the rig itself appends to a drive, V/s.
     """
 
     name: str
@@ -58,9 +58,9 @@ class Capabilities(NamedTuple):
 class About(NamedTuple):
     """Description of a back end before it is connected, for `stickslip rigs`.
 
-    Texts: the device, its function (`does`), how samples arrive, how the output reaches its safe state, and
-    what was verified against which reference. `ports` are the maker's TCP ports; a device with None is not
-    asked when an address is searched.
+    All fields but `ports` are texts: the device, its function (`does`), how its samples arrive, how its
+    output reaches a safe state, and against which reference the client was verified. `ports` are the maker's
+    TCP ports; with None the search for devices at an address leaves the device out.
     """
 
     device: str
@@ -75,7 +75,8 @@ class DriveOutput(Protocol):
     """Output of voltages at the piezo. The output is at 0 V before the first `start` and after `stop`."""
 
     def load(self, volts: Array) -> None:
-        """Take the values [n], V, that `start` puts out, one per update; then the last value stays."""
+        """Store the voltages [n], V at the piezo, that `start` puts out, one per update; then the last
+        stays."""
         ...
 
     def start(self) -> None:
@@ -95,11 +96,14 @@ class Recorder(Protocol):
     """Recorder of inputs, from `start` on."""
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record `samples` samples of each of these inputs when the output starts."""
+        """Choose the inputs, by name, and the number of samples of each that are recorded from the start
+        on."""
         ...
 
     def fetch(self) -> Array:
         """Return the samples since the last call [inputs, n], in the units of the inputs; n may be 0.
+
+        The first call returns the samples since the start.
 
         A recorder whose `fetch` waits for samples may have a method `interrupt()`, which another thread calls
         to request a stop.
@@ -136,7 +140,7 @@ class StreamingRig(Rig, Protocol):
         ...
 
 
-# Attribute names of nested controllers, and the greatest nesting depth that is checked.
+# Names of the attributes that may be a nested controller, and greatest nesting depth that is checked.
 _INNER, _DEEPEST = ("controller", "mover", "regulator"), 10
 
 
@@ -162,8 +166,8 @@ class Controller(Protocol):
         """Return the voltage [V] to put out at an update.
 
         Args:
-            measured: position at this update, m from home.
-            target: target position, m from home.
+            measured: position at this update, m (rad) from home.
+            target: target position, m (rad) from home.
             tick: number of this update in the run, from 0.
         """
         ...
@@ -180,11 +184,11 @@ class ControllerSpec(NamedTuple):
     options: dict[str, Any]
 
     def document(self) -> dict[str, Any]:
-        """Return the specification as JSON data."""
+        """Return the specification as JSON data: name, or file and name, of the class, and `options`."""
         return {**registry.controllers.written(self.kind), "options": self.options}
 
     def made(self) -> Any:
-        """Return a new controller."""
+        """Return a new controller, made by the constructor of `kind` with the `options`."""
         return self.kind(**self.options)
 
 

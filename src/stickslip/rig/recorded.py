@@ -28,7 +28,7 @@ COMPLETE = "complete"
 
 
 class Channel(NamedTuple):
-    """A variable of the recording: the rig's input, and the processing of its samples.
+    """A variable of the recording: the name of the rig's input, and the processing of its samples.
 
     The calibrations are applied to the raw samples in order, then the `filter`. With `zero` the mean of the
     recorded samples before the trigger is subtracted.
@@ -43,10 +43,10 @@ class Channel(NamedTuple):
 class Making(NamedTuple):
     """Settings with which raw samples become a recording.
 
-    `can` are the capabilities of the rig, and `units` the units of the channels after calibration. `begin` is
-    the index of the raw sample at which the drive starts, and `wait` the longest wait for the trigger after
-    that, in raw samples. `drive` describes the drive as a text. `texts` are title, notes and other
-    attributes.
+    `can` are the capabilities of the rig. `channels` and `units` give, by name of the recorded variable, its
+    processing and its unit after calibration. `begin` is the index of the raw sample at which the drive
+    starts, and `wait` the longest wait for the trigger after that, in raw samples. `drive` describes the
+    drive as a text. `texts` are title, notes and other attributes by name.
     """
 
     can: Capabilities
@@ -61,17 +61,17 @@ class Making(NamedTuple):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Return the names of the inputs that the channels need, each once."""
+        """Return the names of the inputs that the channels need, each once; raw samples have this order."""
         return tuple(dict.fromkeys(channel.input for channel in self.channels.values()))
 
     def values(self, raw: Array) -> dict[str, Array]:
-        """Return the values of each channel [samples of the recording], from the raw samples of a whole run.
+        """Return the values of each channel by name, one per sample of the recording [n], in its unit.
 
         Args:
-            raw: raw samples [inputs, n].
+            raw: raw samples [inputs, n] of a whole run.
 
         Raises:
-            CaptureError: the trigger did not come.
+            CaptureError: the trigger did not come in time.
         """
         full = self.channel_values(raw)
         chosen = picks(self.capture, self.can.sample_rate, self._trigger(full))
@@ -111,9 +111,12 @@ class Making(NamedTuple):
     def unfinished(self, raw: Array, why: str) -> xr.Dataset | None:
         """Return the recording of an unfinished run, up to the first reading that is not finite.
 
+        Without a trigger in the samples, the recording starts where it would with a trigger at the start of
+        the drive.
+
         Args:
             raw: raw samples [inputs, n] until the run ended.
-            why: reason for the end.
+            why: reason for the end, in words, for the attribute `outcome`.
 
         Returns:
             The recording, or None if it would have fewer than two samples.
@@ -129,7 +132,7 @@ class Making(NamedTuple):
         except CaptureError:
             trigger = self.begin
         first = max(trigger - self.capture.before * step, 0)
-        if raw.shape[1] - first < step + 1:  # all samples are from before the recording's start
+        if raw.shape[1] - first < step + 1:  # the run ended before the recording's start
             first = 0
         chosen = np.arange(first, raw.shape[1], step)[: self.capture.samples]
         if chosen.size < 2:
@@ -142,7 +145,10 @@ class Making(NamedTuple):
         return kept - kept[: max(before, 1)].mean() if self.channels[name].zero else kept
 
     def channel_values(self, raw: Array) -> dict[str, Array]:
-        """Return the calibrated and filtered values of each channel [n], at all raw samples [inputs, n]."""
+        """Return the calibrated and filtered values [n] of each channel by name, at all n raw samples.
+
+        `raw` [inputs, n] has the units of the inputs, the result the units of the channels.
+        """
         found = {}
         for name, channel in self.channels.items():
             values = calibrated(raw[self.inputs.index(channel.input)], channel.calibration)
@@ -171,7 +177,8 @@ class Making(NamedTuple):
         return found
 
     def _steps(self) -> list[str]:
-        """Return the processing of the samples, in words, for the attribute "processing"."""
+        """Return the processing steps of the samples, in words, for the recording's attribute
+        "processing"."""
         capture, rate = self.capture, self.can.sample_rate
         steps = [f"sampled at {with_prefix(rate, 'Hz')}"]
         for name, channel in self.channels.items():
@@ -218,7 +225,7 @@ class Making(NamedTuple):
 
 
 def channel_document(channel: Channel) -> dict[str, Any]:
-    """Return a channel as JSON data."""
+    """Return a channel as JSON data: `input`, `calibration` (list of JSON texts), `filter`, `zero`."""
     return {
         "input": channel.input,
         "calibration": [to_text(one) for one in channel.calibration],
@@ -228,7 +235,7 @@ def channel_document(channel: Channel) -> dict[str, Any]:
 
 
 def channel_of(content: Mapping[str, Any]) -> Channel:
-    """Return the channel from `channel_document`'s data."""
+    """Return the channel from the data that `channel_document` returned."""
     low = content["filter"]
     return Channel(
         str(content["input"]),

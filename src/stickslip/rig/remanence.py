@@ -1,7 +1,7 @@
 """State of a virtual rig's piezo that is kept from run to run: its hysteresis (play operators) and creep.
 
 The drive of a run is passed through the models of the piezo as in `plant.at_piezo`, but from any initial
-state.
+state, such as the state at the end of the previous run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .protocols import Array
 
 
 class Remanence(NamedTuple):
-    """State of a piezo: output of each play operator [plays] and of each creep term [terms], V."""
+    """State of a piezo: outputs `plays` [n] of its play operators and `terms` [m] of its creep terms, V."""
 
     plays: Array
     terms: Array
@@ -30,7 +30,8 @@ class Remanence(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AtPiezo:
-    """A computed drive (`table`, in segments) as a waveform; `duration` [s] is the time that it covers."""
+    """A computed voltage as a waveform: a table of polynomial segments that covers the time `duration`
+    [s]."""
 
     table: Drive
     duration: float
@@ -43,9 +44,10 @@ class AtPiezo:
         """Return None: the drive does not repeat."""
 
     def range(self) -> tuple[float, float]:
-        """Return the least and greatest voltage at the starts of the table's segments, V.
+        """Return the smallest and the largest voltage at the starts of the table's segments, V.
 
-        This is no exact range: a drive is checked against its limits before the hysteresis is applied.
+        Within the segments the voltage may exceed this range, which is not needed exactly: a drive is checked
+        against its limits before the hysteresis is applied.
         """
         levels = self.table.polynomial[:, 0]
         return float(levels.min()), float(levels.max())
@@ -57,9 +59,10 @@ class AtPiezo:
 
 
 def simplified(piezo: Piezo | None) -> Piezo | None:
-    """Return the piezo without plays, dead zones and creep terms of zero weight; None if nothing is left.
+    """Return the piezo without plays, dead zones and creep terms of zero weight.
 
-    Simulations with the returned piezo have the same result, bit for bit.
+    The result is None without a piezo model, or if what is left is a straight line. Simulations with the
+    returned piezo have the same result, bit for bit.
     """
     if piezo is None:
         return None
@@ -82,7 +85,7 @@ def remembers(piezo: Piezo | None) -> bool:
     """Return True if the state of the piezo's hysteresis and creep models can be kept between runs.
 
     This is so for `PrandtlIshlinskii` and `Creep`. With another model each run starts from the model's own
-    initial state.
+    initial state. The result is False for None, an ideal piezo.
     """
     return (
         piezo is not None
@@ -92,7 +95,10 @@ def remembers(piezo: Piezo | None) -> bool:
 
 
 def annealed(piezo: Piezo, volts: float) -> Remanence:
-    """Return the state of a piezo that has rested for long at `volts` [V], reached from 0 V monotonically."""
+    """Return the state of a piezo that has rested for long at `volts` [V], reached from 0 V monotonically.
+
+    Hysteresis and creep must be models for which `remembers` is True.
+    """
     hysteresis = piezo.hysteresis
     plays = np.zeros(0) if hysteresis is None else hysteresis.rested(volts)
     level = volts if hysteresis is None else hysteresis.at_rest(volts)
@@ -112,8 +118,8 @@ def from_state(
         precision: greatest error of the result, V.
 
     Returns:
-        The voltage of an ideal piezo (without hysteresis and creep) with the same stroke, and the state at
-        `end`.
+        The voltage that gives an ideal piezo (without hysteresis and creep) the same displacement, and the
+        state at `end`.
     """
     made, plays = _after_plays(piezo, state, drive, end)
     if piezo.creep is None:
@@ -123,12 +129,12 @@ def from_state(
 
 
 def left_by(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> Remanence:
-    """Return the state of a piezo after a drive up to `end` [s], from the state at time 0."""
+    """Return the state of a piezo at `end` [s] of a drive, from its state at time 0; see `from_state`."""
     return from_state(piezo, state, drive, end, math.inf)[1]
 
 
 def _after_plays(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> tuple[Drive, Array]:
-    """Return the drive after the hysteresis, and the states of the plays at `end` [s]."""
+    """Return the drive after the hysteresis, V, up to `end` [s], and the outputs of the plays then [n], V."""
     if piezo.hysteresis is None:
         return drive, state.plays
     operators, plays, level = piezo.hysteresis.operators, state.plays.copy(), np.empty(1)

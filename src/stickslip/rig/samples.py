@@ -37,14 +37,17 @@ from .recorded import Making
 if TYPE_CHECKING:
     import xarray as xr
 
-SAMPLES = ".samples"  # ending of the file's name
+SAMPLES = ".samples"  # ending of the names of these files
 _HEAD = struct.Struct("<QQ")
-_OVERHEAD = 200_000  # bytes reserved for a recording's file in addition to its samples
+_OVERHEAD = 200_000  # bytes reserved for a recording's file in addition to its values
 KILLED = "the program was killed"
 
 
 class Samples:
-    """File of raw samples of one run, as a context manager. The file is removed at the end of the context.
+    """File of raw samples of one run, as a context manager.
+
+    The file is removed at the end of the context, unless saving its recording failed. `path` is its path, and
+    `run_id` the random identity of the run.
 
     Args:
         target: path of the future recording, NAME.nc.
@@ -52,13 +55,15 @@ class Samples:
         samples: number of samples of the run, for which disk space is reserved.
 
     Raises:
-        OSError: the folder cannot be written, or the disk has no room for all of it; names the target.
+        OSError: the folder cannot be written, or the disk has no room for samples and recording; names the
+            target.
     """
 
     def __init__(self, target: Path, making: Making, samples: int) -> None:
         self.run_id = secrets.token_hex(8)
         self.path = target.with_name(f".{target.stem}.{self.run_id}{SAMPLES}")
-        self._left = False  # True while the recording is saved, and if that failed: the file then stays
+        # True from the start of saving the recording until it has succeeded: the file must not be removed.
+        self._left = False
         self._width = len(making.inputs)
         text = making.to_text().encode()
         self._begin = _HEAD.size + len(text)
@@ -95,7 +100,7 @@ class Samples:
         os.pwrite(self._file, struct.pack("<Q", 0), 0)
 
     def add(self, block: Array) -> None:
-        """Append the next samples [inputs, n]."""
+        """Append the next raw samples [inputs, n] to the file, and count them in its head."""
         at = self._begin + 8 * self._count * self._width
         os.pwrite(self._file, np.ascontiguousarray(block.T, dtype="<f8").tobytes(), at)
         self._count += block.shape[1]
@@ -148,7 +153,7 @@ def shared(path: Path) -> BinaryIO | None:
 
 
 def complete(path: Path, before: int, values: Array) -> None:
-    """Append the samples that a dead program had not stored.
+    """Append samples that a killed program has not stored to its file of samples.
 
     Args:
         path: file of samples.
@@ -156,7 +161,8 @@ def complete(path: Path, before: int, values: Array) -> None:
         values: raw samples [inputs, n].
 
     Raises:
-        OSError: the file is gone, so nothing was missing; or its description was never written.
+        OSError: the file is gone, because its program saved the recording; or its description was never
+            written.
     """
     with path.open("r+b") as file:
         count, length = _head(file)
@@ -172,8 +178,10 @@ def complete(path: Path, before: int, values: Array) -> None:
 def recover(folder: Path, most: float = 2.0) -> list[Path]:
     """Make recordings of the samples that killed programs left in a folder; return the recordings' paths.
 
-    Unreadable files stay, and so do files still being written after `most` seconds. The wait is for the rig's
-    process, which still ramps to 0 V after the death of the program that it records for.
+    The recordings are saved in unfinished/ of the folder, and the files of samples are removed. A file with
+    fewer than two samples with finite readings gives no recording. Unreadable files stay, and so do files
+    that are still in use after `most` seconds. The wait is for the rig's process, which still ramps to 0 V
+    after the death of the program that it records for. Errors are not raised.
     """
     end = time.monotonic() + most
     made = []
@@ -181,11 +189,12 @@ def recover(folder: Path, most: float = 2.0) -> list[Path]:
         name, run_id = path.name[1:].removesuffix(SAMPLES).rpartition(".")[::2]
         if not name or path.is_symlink() or not path.is_file():
             continue
-        with suppress(Exception), path.open("rb") as file:  # one bad file must not stop the others
+        # An error with one file must not keep the other files from being recovered.
+        with suppress(Exception), path.open("rb") as file:
             while not (alone := taken(file.fileno())) and time.monotonic() < end:
                 time.sleep(POLL)
             if not alone or not path.exists():
-                continue  # its program is still active, or another program has just recovered it
+                continue  # a program still uses the file, or another program has just recovered it
             target = folder / f"{name}.nc"
             recording = None if _is_saved(target, run_id) else _read(path)
             if recording is not None:
@@ -196,7 +205,10 @@ def recover(folder: Path, most: float = 2.0) -> list[Path]:
 
 
 def _is_saved(target: Path, run_id: str) -> bool:
-    """Return True if a recording with this identity exists as `target` or in unfinished/ beside it."""
+    """Return True if `target`, or one of its files in unfinished/ beside it, is the recording of this run.
+
+    `run_id` is the identity of the run, which recordings have as an attribute.
+    """
     own = re.compile(re.escape(target.stem) + r"(-\d+)?\.nc")
     others = [one for one in target.parent.glob("unfinished/*.nc") if own.fullmatch(one.name)]
     for one in (target, *others):
@@ -221,9 +233,9 @@ def unfinished_path(target: Path) -> Path:
 
 
 def _head(file: BinaryIO) -> tuple[int, int]:
-    """Read the head of a file: number of samples, and length of the description in bytes.
+    """Return the head of a file of samples: number of samples, and length of the description in bytes.
 
-    A length of 0 means that the description was never written.
+    A length of 0 means that the description was never written, also if the file is shorter than a head.
     """
     head = file.read(_HEAD.size)
     return _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)

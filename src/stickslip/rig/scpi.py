@@ -14,9 +14,9 @@ from typing import Any
 from .line import Line, need_silence
 from .protocols import RigError
 
-LARGEST_BLOCK = 100_000_000  # bytes; a longer block of data is refused as an answer
-_MOST_ERRORS = 32  # greatest number of errors read from the queue after a command
-_PIECE = 65536  # bytes of a block read at a time
+LARGEST_BLOCK = 100_000_000  # largest length of a block in an answer, bytes; a longer one is an error
+_MOST_ERRORS = 32  # largest number of errors that are read from the queue after a command
+_PIECE = 65536  # number of bytes of a block that are read at once
 
 
 class ScpiInstrument:
@@ -25,8 +25,8 @@ class ScpiInstrument:
     Args:
         role: name of the instrument in errors, such as "generator".
         where: "HOST", "HOST:PORT", or a VISA resource, "USB0::0x0957::0x2807::MY1::INSTR" (needs pyvisa).
-        port: default TCP port.
-        timeout: s, for each answer.
+        port: TCP port that is used if `where` gives none.
+        timeout: longest wait for each answer, s.
         end: bytes that terminate each message to the instrument.
 
     Raises:
@@ -37,7 +37,7 @@ class ScpiInstrument:
         self, role: str, where: str, port: int = 5025, timeout: float = 5.0, end: bytes = b"\n"
     ) -> None:
         self._end = end
-        self.errors = "SYST:ERR?"  # query of the error queue
+        self.errors = "SYST:ERR?"  # query that returns and removes the oldest error; others may be set
         self._lost = False
         if "::" in where:
             self._line: Any = _VisaLine(role, where, timeout)
@@ -58,11 +58,15 @@ class ScpiInstrument:
         return self._line.device
 
     def tell(self, command: str) -> None:
-        """Send a command without reading the error queue."""
+        """Send a command without reading the error queue. RigError if it cannot be sent."""
         self._line.send(command.encode("latin-1") + self._end)
 
     def ask(self, query: str) -> str:
-        """Send a query and return the answer, without white space at its ends."""
+        """Send a query and return the answer, without white space at its ends.
+
+        Raises:
+            RigError: the answer is late or invalid, other data came too, or this was so before.
+        """
         return self._heard(query, lambda asked: self._line.until(b"\n", asked)).decode("latin-1").strip()
 
     def do(self, command: str, content: bytes | None = None) -> None:
@@ -73,7 +77,8 @@ class ScpiInstrument:
             content: data sent after the command as a definite-length block; None for no block.
 
         Raises:
-            RigError: the instrument reported an error; the message contains the first one.
+            RigError: the instrument reported an error (the message contains the first one), or answers as for
+                `ask`.
         """
         if self._lost:
             raise RigError(f"{self.name}: {command}: not sent, an answer was late or garbage before")
@@ -83,7 +88,10 @@ class ScpiInstrument:
         self.check(command)
 
     def check(self, command: str) -> None:
-        """Read the error queue until it is empty. Raises RigError with the oldest error."""
+        """Read the error queue until it is empty; raise RigError with the oldest error if there was one.
+
+        `command` is the last command, for the error.
+        """
         first = ""
         for _ in range(_MOST_ERRORS):
             said = self.ask(self.errors)
@@ -102,7 +110,7 @@ class ScpiInstrument:
             raise RigError(f"{self.name}: {command}: {first[:200]}")
 
     def number(self, query: str) -> float:
-        """Return the number that answers a query."""
+        """Return the number that answers a query. RigError if the answer is no number, or as for `ask`."""
         said = self.ask(query)
         try:
             return float(said)
@@ -111,7 +119,7 @@ class ScpiInstrument:
             raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
 
     def block(self, query: str) -> bytes:
-        """Return the content of the definite-length block that answers a query."""
+        """Return the content of the definite-length block that answers a query. RigError as for `ask`."""
         return self._heard(query, self._read_block)
 
     def close(self) -> None:
@@ -150,7 +158,11 @@ class ScpiInstrument:
 
 
 class _VisaLine:
-    """Connection to a VISA resource (GPIB, USB, ...), with the methods of `line.Line` that SCPI needs."""
+    """Connection to a VISA resource (GPIB, USB, ...), with the methods of `line.Line` that SCPI needs.
+
+    All methods raise RigError if the connection fails or data are late; `timeout` is the longest wait, s.
+    `role` names the instrument in errors.
+    """
 
     def __init__(self, role: str, resource: str, timeout: float) -> None:
         self.device = f"{role} at {resource}"
@@ -162,7 +174,7 @@ class _VisaLine:
         try:
             self._manager = pyvisa.ResourceManager("@py")
             self._link: Any = self._manager.open_resource(resource, timeout=1000.0 * timeout)
-            if resource.upper().endswith("SOCKET"):  # only this character ends a message of a raw socket
+            if resource.upper().endswith("SOCKET"):  # a raw socket marks ends of messages only so
                 self._link.read_termination = "\n"
         except self._failures as error:
             raise RigError(f"{self.device} cannot be opened: {error}") from None

@@ -1,6 +1,7 @@
 """Simulation of a sensor sample by sample, for closed loops.
 
-The result is that of `Mounted.sensor.sense` for a whole signal, with other random numbers in the noise.
+The samples are those that `Mounted.sensor.sense` computes for a whole signal at once, except for other random
+numbers in the noise.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from ..recording.chain import Chain
 from .bench import Mounted
 from .protocols import RigError
 
-_DRAWN = 4096  # number of random numbers drawn at once, which is faster than one by one
-# Times at which analogue signals are computed, as fractions of the time between two updates.
+_DRAWN = 4096  # number of random numbers that are drawn at once, because single draws are slower
+# Times within each update at which analogue signals are computed, as fractions of the update.
 OVERSAMPLED = (0.25, 0.5, 0.75, 1.0)
 
 
@@ -38,8 +39,8 @@ class Sensing:
         mounted: sensor and converter.
         anti_alias: the filter before the converter.
         rate: rate at which analogue signals are computed, Hz: `len(OVERSAMPLED)` times the sampling rate.
-        random: generator of the noise.
-        position: initial position, at rest, m.
+        random: random number generator of the noise.
+        position: initial position, at rest, m (or rad).
 
     Attributes:
         shares: times within each update at which `sees` must be called, as fractions of the update.
@@ -65,13 +66,16 @@ class Sensing:
         self._random, self._drawn = random, iter(())
         self._walked = 0.0
         self._adc = mounted.adc
-        # A sensor without filter, delay and converter is computed only once per update, when it is read.
+        # Without filter, delay and converter only the output at the reading matters: one time per update.
         simple = mounted.adc is None and not self._filters and not self._delay
         self.shares = (1.0,) if simple else OVERSAMPLED
         self._after = None if mounted.adc is None else Running(anti_alias, rate, self._finished(first))
 
     def sees(self, position: float) -> float:
-        """Take the next position [m]; return the sensor's output at the converter's input, V (or m, rad)."""
+        """Take the next position, m (or rad); return the sensor's output after filter, delay and noise.
+
+        The output is that at the input of the A/D converter, V; without a converter it is in m or rad.
+        """
         value = self._shown(position)
         for one in self._filters:
             value = one(value)
@@ -89,7 +93,7 @@ class Sensing:
         return value if self._after is None else self._after(value)
 
     def reading(self, value: float) -> float:
-        """Return the value [V] as the A/D converter reads it; unchanged without a converter."""
+        """Return an output [V] of `sees` rounded to a step of the A/D converter; unchanged without one."""
         adc = self._adc
         if adc is None:
             return value
@@ -105,10 +109,12 @@ class Sensing:
 
 
 class Running:
-    """Digital low-pass filter of a signal that comes sample by sample: a call takes and returns one sample.
+    """Digital low-pass filter of a signal that comes sample by sample.
+
+    A call takes the next sample of the signal and returns the filtered sample, in the same unit.
 
     Args:
-        filter: order, corner and family of the filter.
+        filter: order, corner frequency and family of the filter.
         rate: sampling rate, Hz.
         first: constant value of the signal before the first sample, at which the filter has settled.
     """
@@ -128,7 +134,9 @@ class Running:
 
 
 def _curve(sensor: Any) -> Callable[[float], float]:
-    """Return the sensor's static characteristic, without noise: a function from position [m] to its output.
+    """Return the sensor's static characteristic, without noise and quantisation.
+
+    The result is a function from the position [m or rad] to the sensor's output, V or in the position's unit.
 
     Raises:
         RigError: the sensor is a user's own, whose characteristic is not known.
@@ -149,7 +157,11 @@ def _curve(sensor: Any) -> Callable[[float], float]:
 
 
 def _quantised(sensor: Any) -> Callable[[float], float]:
-    """Return the last stage of the sensor, a function of its output: quantisation or limited range."""
+    """Return the last stage of the sensor, a function from the noisy output to the final output.
+
+    It rounds to the resolution (interferometer, encoder) or clips to the range (inductive sensor); for other
+    sensors it changes nothing.
+    """
     if isinstance(sensor, Interferometer | Encoder):
         return lambda x: round(x / sensor.resolution) * sensor.resolution
     if isinstance(sensor, InductiveSensor):

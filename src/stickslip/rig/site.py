@@ -6,7 +6,7 @@ read at each start of a run::
     [limits]                        # for every rig
     max_voltage = "120 V"
 
-    [permits.door]                  # from an input of the rig: given while the reading is within
+    [permits.door]                  # given by an input of the rig while its reading is within the bounds
     input = "door"
     minimum = "2 V"
 
@@ -35,7 +35,8 @@ from .limits import LimitError, Limits, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 
 VARIABLE, DEFAULT = "STICKSLIP_SITE", Path("/etc/stickslip/site.toml")
-# For each limit that a site can restrict: the function that returns the stricter of two values, and the unit.
+# Function that returns the stricter of two values, and unit, by the name of each limit that a site can
+# restrict.
 _NARROWER = {
     "min_voltage": (max, "V"),
     "max_voltage": (min, "V"),
@@ -62,7 +63,9 @@ class InputPermit(NamedTuple):
     maximum: float | str | None = None
 
     def bounds(self, can: Capabilities) -> tuple[float, float]:
-        """Return both bounds in the unit of the input, infinite where there is none.
+        """Return the lower and the upper bound in the unit of the input, infinite where there is none.
+
+        `can` are the capabilities of the rig, which state this unit.
 
         Raises:
             QuantityError: the rig has no such input, or a bound has another dimension.
@@ -79,8 +82,8 @@ class InputPermit(NamedTuple):
 class Site(NamedTuple):
     """Limits and permits of a site.
 
-    `limits` are SI values by field of `Limits`, `inputs` the permits that inputs give, by name, and `permits`
-    the names of the permits that people give. `path` is the file; None without one.
+    `limits` are SI values by field of `Limits`, `inputs` the permits that inputs of the rig give, by name of
+    the permit, and `permits` the names of the permits that people give. `path` is the file; None without one.
     """
 
     limits: Mapping[str, float] = {}
@@ -90,6 +93,8 @@ class Site(NamedTuple):
 
     def narrowed(self, limits: Limits) -> Limits:
         """Return limits that are, field by field, the stricter of the given and the site's limits.
+
+        The slew rate of a stop is reduced to the resulting `max_slew`.
 
         Raises:
             QuantityError: a ramp to 0 V would take longer than `LONGEST_STOP` within these limits.
@@ -101,7 +106,7 @@ class Site(NamedTuple):
         return Limits(**{**limits._asdict(), **given, "stop_slew": min(limits.stop_slew, slew)})
 
     def told(self) -> list[str]:
-        """Return the limits and the permits from inputs as short texts, for display."""
+        """Return each limit and each permit that an input gives as a short text, for display."""
         words = [
             f"{name.replace('_', ' ')} {with_prefix(value, _NARROWER[name][1])}"
             for name, value in self.limits.items()
@@ -116,17 +121,21 @@ class Site(NamedTuple):
     def check(self, volts: Array, limits: Limits, can: Capabilities) -> None:
         """Raise LimitError if the given limits or the site's forbid a drive.
 
-        The message says so if only the site forbids it. `volts` [n] are voltages at the piezo, one per
-        update, and `can` the capabilities of the rig.
+        The message names the site and its file if only the site forbids the drive.
+
+        Args:
+            volts: voltages at the piezo, V, one per update [n].
+            limits: limits of the experiment.
+            can: capabilities of the rig.
         """
         try:
             check_drive(volts, self.narrowed(limits), can)
         except LimitError as error:
-            check_drive(volts, limits, can)  # if the experiment's own limits forbid it too, they are named
+            check_drive(volts, limits, can)  # raises here if the experiment's own limits forbid the drive too
             raise LimitError(f"{error}; the limit is that of the site, {self.path}") from None
 
     def around(self, rig: Rig) -> Rig:
-        """Return the rig, wrapped so that the inputs that give permits are checked during its runs."""
+        """Return the rig in a `PermittedRig`, or the rig itself if no input gives a permit."""
         return PermittedRig(rig, self.inputs) if self.inputs else rig
 
 
@@ -136,17 +145,20 @@ class PermittedRig:
     It has the methods of `protocols.StreamingRig`, if the rig has them.
 
     Args:
-        rig: rig that outputs and records; it records the inputs of the permits too.
-        permits: permits by name.
+        rig: rig that outputs and records; the inputs of the permits are recorded in addition.
+        permits: permits that inputs give, by name.
+
+    Raises:
+        QuantityError: as `InputPermit.bounds`.
     """
 
     def __init__(self, rig: Rig, permits: Mapping[str, InputPermit]) -> None:
         self._rig: Any = rig
         can = rig.capabilities
         self._permits = {name: (one.input, *one.bounds(can)) for name, one in permits.items()}
-        self._asked = 0  # number of inputs that the client requested; they come first
+        self._asked = 0  # number of inputs that the user of this rig requested; they are recorded first
         self._read: tuple[str, ...] = ()
-        if hasattr(rig, "begin"):  # the rig can be set update by update, so a loop can be closed on it
+        if hasattr(rig, "begin"):  # such a rig is a `StreamingRig`, on which a loop can be closed
             self.begin, self.exchange = self._begin, self._exchange
 
     @property
@@ -155,18 +167,21 @@ class PermittedRig:
         return self._rig.capabilities
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the wrapped rig, except those that need the check of permits."""
+        """Return the attribute `name` of the wrapped rig.
+
+        AttributeError for `begin` and `exchange`, which would bypass the check of the permits.
+        """
         if name in ("begin", "exchange"):
             raise AttributeError(name)
         return getattr(self._rig, name)
 
     @property
     def interlock(self) -> Any:
-        """Interlock of the wrapped rig."""
+        """Interlock of the wrapped rig, see `interlock_of`."""
         return interlock_of(self._rig)
 
     def load(self, volts: Array) -> None:
-        """Load the drive."""
+        """Load the drive [n], V at the piezo, one value per update."""
         self._rig.load(volts)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
@@ -178,10 +193,10 @@ class PermittedRig:
         self._rig.start()
 
     def fetch(self) -> Array:
-        """Return the next samples [inputs, n] of the requested inputs.
+        """Return the next samples [inputs, n] of the requested inputs, in their units.
 
         Raises:
-            LimitError: the reading of an input is outside the bounds of its permit.
+            LimitError: the reading of an input is outside the bounds of its permit, or NaN.
         """
         block = self._rig.fetch()
         if block.shape[1]:
@@ -189,7 +204,7 @@ class PermittedRig:
         return block[: self._asked]
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V."""
+        """Ramp to 0 V at `slew` [V/s] and end the recording."""
         self._rig.stop(slew)
 
     def _begin(self, inputs: tuple[str, ...]) -> list[float]:
@@ -210,7 +225,7 @@ class PermittedRig:
     def _check(self, least: list[float], greatest: list[float]) -> None:
         for name, (source, low, high) in self._permits.items():
             at = self._read.index(source)
-            if not (least[at] >= low and greatest[at] <= high):  # NaN withdraws the permit too
+            if not (least[at] >= low and greatest[at] <= high):  # also true for NaN
                 reads = least[at] if not least[at] >= low else greatest[at]
                 unit = self.capabilities.inputs[source]
                 raise LimitError(
@@ -225,8 +240,14 @@ def sited(rig: Rig, limits: Limits) -> tuple[Rig, Limits, Site]:
     A simulated rig and its limits are returned unchanged, and so are those of a rig that another process
     owns: that process applies the site itself.
 
+    The device's own limits are read again, and the interlock of the rig requires the permits that people
+    give.
+
     Returns:
-        The rig with checks of the permits from inputs, the stricter limits, and the site.
+        The rig with checks of the permits that inputs give, the stricter limits, and the site.
+
+    Raises:
+        RigError, QuantityError: as `site_of`, `PermittedRig` and `Site.narrowed`.
     """
     if getattr(rig, "guard", None) is not None or getattr(rig, "simulated", False):
         return rig, limits, Site()
@@ -237,17 +258,19 @@ def sited(rig: Rig, limits: Limits) -> tuple[Rig, Limits, Site]:
 
 
 def refreshed(rig: Any) -> None:
-    """Let a rig with a method `refresh` read its device's limits again, which may have changed there."""
+    """Call the rig's method `refresh`, if any, which reads limits that people may have changed at the
+    device."""
     refresh = getattr(rig, "refresh", None)
     if refresh is not None:
         refresh()
 
 
 def site_of(rig: str = "") -> Site:
-    """Return the site's limits and permits; without a file there are none.
+    """Return the site's limits and permits from its file; without a file there are none.
 
     Args:
-        rig: name of the folder of the rig's process, whose own limits and permits are included; "" for none.
+        rig: name of the folder of the rig's process. Its own limits (the stricter ones count) and permits are
+            included; "" for a rig without a process.
 
     Raises:
         RigError: the file is wrong, or the environment variable names a file that does not exist.
@@ -289,7 +312,7 @@ def _known(content: Mapping[str, Any], known: tuple[str, ...], where: str) -> No
 def _limits(content: Mapping[str, Any], where: str) -> dict[str, float]:
     _known(content, tuple(_NARROWER), f"{where}.")
     found = {name: to_si(value, _NARROWER[name][1], f"{where}.{name}") for name, value in content.items()}
-    Limits(**{"stop_slew": min(1000.0, found.get("max_slew", math.inf)), **found})  # checks the ranges
+    Limits(**{"stop_slew": min(1000.0, found.get("max_slew", math.inf)), **found})  # raises QuantityError
     return found
 
 

@@ -22,7 +22,7 @@ from .protocols import RigError
 from .remanence import Remanence
 from .sensing import OVERSAMPLED, Sensing
 
-_TOLERANCE = 5e-3  # V, greatest error of the amplifier's output as a piecewise linear signal
+_TOLERANCE = 5e-3  # greatest error of the amplifier's output, approximated by straight lines, V
 
 
 class Stream:
@@ -33,9 +33,9 @@ class Stream:
         bench: the instruments; its inputs are sampled once per update of the output.
         inputs: names of the inputs to read, which may include "drive".
         seed: whole numbers that seed all noise.
-        offset: V at the piezo for the number 0 sent to the D/A converter.
-        per_unit: V at the piezo per unit of that number.
-        tolerance: greatest error of simulated positions, m.
+        offset: voltage at the piezo, V, for the number 0 sent to the D/A converter.
+        per_unit: voltage at the piezo, V, per unit of the number sent to the D/A converter.
+        tolerance: greatest error of simulated positions, m (rad for a rotary actuator).
         remanence: initial state of the piezo; None for a piezo that has rested for long.
         slips: irregularity of the steps; None if every step follows the equations.
 
@@ -87,12 +87,12 @@ class Stream:
 
     @property
     def slid(self) -> float:
-        """Return the displacement of the end-effector relative to the stage, m."""
+        """Return the displacement of the end-effector relative to the stage, m (rad for a rotary one)."""
         return self.position - self._motion.stage_position
 
     @property
     def position(self) -> float:
-        """Return the position of the end-effector, with the irregularity of its steps, m."""
+        """Return the end-effector's position with the irregularity of its steps, m (rad for a rotary one)."""
         return self._motion.position + (0.0 if self._slips is None else self._slips.offset)
 
     @property
@@ -122,7 +122,10 @@ class Stream:
         return self.readings()
 
     def readings(self) -> list[float]:
-        """Return the present readings of all inputs, in order. Call this once per update."""
+        """Return the present readings of all inputs, in their order and units.
+
+        Call this exactly once per update: each call advances the filters and the noise of the sensors.
+        """
         (x0, v0, y0, w0), now = self._before, self._now()
         self._before = now
         found = []
@@ -143,7 +146,10 @@ class Stream:
         return self.position, motion.velocity, motion.stage_position, motion.stage_velocity
 
     def _amplified(self, number: float) -> float:
-        """Return the voltage [V] that the amplifier approaches for a number sent to the D/A converter."""
+        """Return the final voltage [V] of the amplifier for a number sent to the D/A converter.
+
+        The number is rounded to a step of the converter; the voltage is limited to the amplifier's range.
+        """
         dac, amplifier = self._bench.dac, self._bench.amplifier
         steps = (number * dac.gain - dac.low) / dac.step
         code = math.floor(steps + 1e-6) if dac.truncates else round(steps)
@@ -153,11 +159,11 @@ class Stream:
 
 
 def _between(a: float, da: float, b: float, db: float, share: float, span: float) -> float:
-    """Interpolate a position within one update by a cubic; return the position, m.
+    """Interpolate a position within one update by a cubic polynomial; return the position, m (or rad).
 
     Args:
-        a, da: position [m] and velocity [m/s] at the start of the update.
-        b, db: position and velocity at its end.
+        a, da: position [m or rad] and velocity [m/s or rad/s] at the start of the update.
+        b, db: position and velocity at its end, in the same units.
         share: fraction of the update that has passed, 0 to 1.
         span: duration of the update, s.
     """

@@ -16,22 +16,24 @@ from ..quantities.units import QuantityError
 from .limits import LONGEST_STOP
 from .protocols import Array, Capabilities, RigError
 
-_STEP = 0.02  # s, longest time between two amplitudes of a stop with fewer than the greatest number of steps
-_MOST_STEPS = 100  # greatest number of amplitudes of a stop
-_LEAST_DRIVE = 1.0  # V, least range of a drive that is compared with its recording
-_FOLLOWS = 0.5  # least correlation between the recorded drive and the output
-_LAGS = (0, 1, 2, 3, 5, 8, 13, 21, 34)  # samples by which the recorded drive may lag behind the output
+_STEP = 0.02  # intended time between two steps of a reduction to 0 V, s; longer if there were too many steps
+_MOST_STEPS = 100  # largest number of steps in which an output is reduced to 0 V
+_LEAST_DRIVE = 1.0  # smallest range of a drive (maximum less minimum), V, that is compared with its recording
+# Smallest correlation coefficient, without its sign, of a recorded drive with the output; below, it is an
+# error.
+_FOLLOWS = 0.5
+_LAGS = (0, 1, 2, 3, 5, 8, 13, 21, 34)  # lags of the recorded drive behind the output that are tried, samples
 
 
 def with_ramp(volts: Array, slew: float, rate: float) -> Array:
-    """Return a table, V: the value 0 V, a drive, and a ramp to 0 V.
+    """Return a table for a generator, V, one value per update: the value 0 V, a drive, and a ramp to 0 V.
 
     Generators wait at the first value of their table, which is therefore 0 V.
 
     Args:
-        volts: voltages of the drive [n].
+        volts: voltages of the drive [n], V.
         slew: slew rate of the ramp, V/s.
-        rate: values per second of the table, Hz.
+        rate: update rate of the table, Hz.
     """
     last = float(volts[-1])
     count = max(math.ceil(abs(last) / slew * rate), 1)
@@ -65,14 +67,17 @@ def check_inputs(can: Capabilities, inputs: tuple[str, ...], samples: int) -> No
 
 
 def check_positive(**values: float) -> None:
-    """Raise QuantityError unless each option, given by name, is finite and above 0."""
+    """Raise QuantityError unless each of the values, given by their names, is finite and above 0."""
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0.0):
             raise QuantityError(f"{name} = {value} must be > 0")
 
 
 def check_ready(can: Capabilities, volts: Array, samples: int) -> None:
-    """Raise RigError if no drive [n] was loaded or no inputs were armed."""
+    """Raise RigError if no drive was loaded (`volts` [n] is empty) or none was armed (`samples` is 0).
+
+    `can` are the capabilities of the rig, which give its name for the error.
+    """
     if not volts.size or not samples:
         raise RigError(f"{can.name}: start needs a drive (load) and inputs (arm)")
 
@@ -85,12 +90,12 @@ def held(volts: Array, samples: int) -> Array:
 def check_followed(name: str, recorded: Array, played: Array) -> None:
     """Raise RigError if a recorded drive [n] is another signal than the output [n].
 
-    A scale of either sign, an offset and a lag of some samples are allowed. If the correlation is too low
-    with each lag, the input records another signal, or its samples are shifted or damaged.
+    A scale of either sign, an offset and a lag of up to 34 samples are allowed. If the correlation is below
+    0.5 with each lag, the input records another signal, or its samples are shifted or damaged.
 
     Args:
         name: name of the device, for the error.
-        recorded: recorded drive [n].
+        recorded: recorded drive [n], in any unit.
         played: output at the same times [n], V; with a range below 1 V nothing is checked.
     """
     if np.ptp(played) < _LEAST_DRIVE:
@@ -111,10 +116,11 @@ def lower(to: Callable[[float], None], greatest: float, slew: float, most: int =
     """Reduce an output to 0 V in steps, at `slew` on average.
 
     Args:
-        to: called with a fraction, 1 to 0, to which it sets the output's amplitude.
+        to: called in each step with the next fraction below 1, at last 0, of the present amplitude; it sets
+            the output to this fraction.
         greatest: greatest possible voltage at present, V.
         slew: V/s; it is raised if the reduction would last longer than 10 s.
-        most: greatest number of steps. With fewer steps than that, a step lasts 20 ms at most.
+        most: greatest number of steps. Only if more were needed, a step lasts longer than 20 ms.
     """
     takes = _takes(greatest, slew)
     steps = min(max(math.ceil(takes / _STEP), 1), most)
@@ -131,7 +137,7 @@ def fade_out(fade: Callable[[float], None], greatest: float, slew: float, ends: 
     """Bring an output to 0 V: reduce its amplitude, or wait for the end of its table if that is earlier.
 
     Args:
-        fade: called with a fraction, 1 to 0, to which it sets the output's amplitude.
+        fade: function that sets the output's amplitude to a fraction, 1 to 0, of the present one.
         greatest: greatest possible voltage at present, V.
         slew: average slew of the reduction, V/s.
         ends: time at which the table ends, s of `time.monotonic`.

@@ -23,15 +23,16 @@ from ..physics.actuator import Actuator
 from ..quantities.records import Quantity, quantities, record
 from .irregularity import REGULAR, Irregularity, Slips
 
-_OWN, _SLOW = 1, 2  # numbers of the random streams: scatter of single runs, slow change
+_OWN, _SLOW = 1, 2  # numbers of the random streams for the scatter of single runs and for the slow change
 
 
 @record
 class Variation(NamedTuple):
     """Relative standard deviations of the contact from run to run; 0, the default, is no variation.
 
-    On a tribometer they were, from stroke to stroke: friction 0.4 %, drift 1.2 % over drift_runs 15,
-    stiffness 2 % (see docs/decisions/rig.md).
+    `friction` and `stiffness` vary independently from run to run, `drift` is a slow change of the friction
+    with a memory of `drift_runs` runs. From stroke to stroke of a tribometer they were: friction 0.4 %, drift
+    1.2 % with drift_runs 15, stiffness 2 % (see docs/decisions/rig.md).
     """
 
     friction: Annotated[float, Quantity("", "σ_f", "scatter of friction", minimum=0, maximum=0.3)] = 0.0
@@ -62,11 +63,17 @@ class Repeats(NamedTuple):
     irregularity: Irregularity = REGULAR
 
     def factors(self, run: int = 0) -> tuple[float, float]:
-        """Return the factors of friction and stiffness in a run; `run` counts from 0, the next run."""
+        """Return the factors of friction f and of stiffness s in a run; `run` 0 is the next run.
+
+        The module explains the factors.
+        """
         return _factors(self.variation, self.series, self.number + run)
 
     def actuator(self, actuator: Actuator, run: int = 0) -> Actuator:
-        """Return the actuator with the contact of a run; unchanged without variation. 0 is the next run."""
+        """Return the actuator with the contact of a run; `run` 0 is the next run.
+
+        Without variation, and without a slipping end-effector (clamped), the actuator is unchanged.
+        """
         if self.variation.none or actuator.clamped:
             return actuator
         friction, stiffness = self.factors(run)
@@ -77,7 +84,10 @@ class Repeats(NamedTuple):
         return actuator.replace(friction=law._replace(**changed))
 
     def slips(self, actuator: Actuator, run: int = 0) -> Slips | None:
-        """Return the irregular slips of a run (0 is the next run); None without irregularity."""
+        """Return the irregular slips of a run (`run` 0 is the next run); None without irregularity.
+
+        QuantityError as `Slips`.
+        """
         if self.irregularity.none or actuator.clamped:
             return None
         return Slips(self.irregularity, actuator, (self.series, self.number + run))
@@ -91,8 +101,9 @@ class Repeats(NamedTuple):
             after: number of runs between the next run and the first run of the recording.
 
         Returns:
-            {"contact": JSON text}, with number, both factors, and the changed fields of the friction law in
-            SI units of each run; empty without variation.
+            {"contact": JSON text}; empty without variation. The text is an object for one run, a list of
+            objects for several. Each has `number` of the run, its factors `friction` and `stiffness`, and the
+            changed fields of the friction law in SI units.
         """
         if self.variation.none or actuator.clamped:
             return {}
@@ -107,7 +118,7 @@ class Repeats(NamedTuple):
         return {"contact": json.dumps(found[0] if runs == 1 else found)}
 
     def document(self) -> dict[str, Any]:
-        """Return the series as JSON data."""
+        """Return the series as JSON data, fields by name."""
         return {
             **self._asdict(),
             "variation": self.variation._asdict(),
@@ -125,7 +136,7 @@ class Repeats(NamedTuple):
         )
 
 
-EXACT = Repeats()  # every run has the same contact
+EXACT = Repeats()  # series in which every run has the same contact and every slip follows the equations
 
 
 def _factors(variation: Variation, series: int, number: int) -> tuple[float, float]:

@@ -28,13 +28,13 @@ from .remanence import Remanence, annealed, from_state, left_by, remembers, simp
 from .streaming import Stream
 from .variation import EXACT, Repeats
 
-BLOCK = 0.02  # s of samples that one `fetch` returns
+BLOCK = 0.02  # recorded time whose samples one `fetch` returns, s
 OVERSAMPLING = 4  # rate at which analogue signals are computed, as a multiple of the sampling rate
-# Column of a simulated trajectory that a sensor at each place measures.
+# Column of a simulated trajectory that contains the position which a sensor measures, by the sensor's place.
 _COLUMN = {"stage": STAGE, "end_effector": SLIDER}
-_SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to settle
+_SETTLE = 1e-3  # time at 0 V after the ramp of a stop, in which the amplifier settles, s
 MAX_POINTS = 5_000_000
-MAX_STEPS = 5_000_000  # greatest number of integration steps in a run; 10 s take some 200 000
+MAX_STEPS = 5_000_000  # largest number of integration steps of a run; a run of 10 s takes some 200,000
 
 
 class VirtualRig:
@@ -47,17 +47,17 @@ class VirtualRig:
             has different noise.
         repeats: variation of the contact from run to run and from step to step; none by default.
         real_time: True to return samples no sooner than a real rig would.
-        tolerance: greatest error of simulated positions, m.
+        tolerance: greatest error of simulated positions, m (rad for a rotary actuator).
 
-    Each run starts at rest, and its readings start at zero, as those of an incremental sensor do. `origin` is
-    the displacement of the end-effector by all earlier runs, m. A piezo with hysteresis and creep, however,
-    continues from its state at the end of the previous run, without a pause; the readings then start at the
-    remaining stroke. The piezo of a new rig has rested at 0 V for long. To return to almost this state, run a
-    sine about 0 V that decays over many periods, if the amplifier allows negative voltages. A run at 0 V is a
-    rest.
+    Each run starts at rest, and its readings start at zero, as the readings of an incremental sensor.
+    `origin` is the displacement of the end-effector by all earlier runs, m (rad). A piezo with hysteresis and
+    creep, however, continues from its state at the end of the previous run, without a pause; the readings
+    then start at the remaining stroke. The piezo of a new rig has rested at 0 V for long. To return to almost
+    this state, run a sine about 0 V that decays over many periods, if the amplifier allows negative voltages.
+    A run at 0 V is a rest.
     """
 
-    simulated = True  # needs no arming
+    simulated = True  # a simulated rig needs no arming
     about = About(
         device="none: the simulated bench of a laboratory",
         does="puts out and records",
@@ -80,33 +80,35 @@ class VirtualRig:
         of_kind(actuator, Actuator, "actuator")
         of_kind(bench, Bench, "bench")
         _check_sensors(actuator, bench)
-        # Without the actuator's voltage limits: the gate checks the drive, and the output of the converter
-        # may be a step below 0 V.
+        # The voltage limits of the actuator are removed. The gate checks the drive, and the simulation must
+        # not refuse an output that is a step of the converter below 0 V.
         self.actuator = at_temperature(actuator, repeats.irregularity.temperature).replace(
             min_voltage=-math.inf, max_voltage=math.inf, piezo=simplified(actuator.piezo)
         )
-        self._remanence: Remanence | None = None  # state of the piezo; None: it has rested for long
+        self._remanence: Remanence | None = None  # state of the piezo after the last run; None before any
         self.bench, self._seed, self._real_time, self._tolerance = bench, seed, real_time, tolerance
         self._repeats = repeats
         self._per_unit = bench.dac.gain * bench.amplifier.gain
-        # V at the piezo for the number 0, as a program calibrates it: half a step is included, so that a
-        # truncating converter rounds to the step nearest to the requested voltage.
+        # Voltage at the piezo, V, for the number 0 sent to the D/A converter, as a program calibrates it.
+        # Half a step is included, so that a truncating converter rounds to the nearest step.
         half = 0.5 * bench.dac.step * bench.amplifier.gain if bench.dac.truncates else 0.0
         self._offset = bench.amplifier.offset - half
         self._runs = 0
         self.origin = 0.0
-        self._slid = np.zeros(0)  # end-effector relative to stage at each sample of the run, m
+        # Displacement of the end-effector relative to the stage at each sample of the run [n], m (rad).
+        self._slid = np.zeros(0)
         self._volts = np.zeros(0)
-        self._given: list[float] = []  # voltages of a run that is computed update by update
+        self._given: list[float] = []  # voltages so far of a run that is computed update by update, V
         self._inputs: tuple[str, ...] = ()
         self._samples = self._fetched = 0
         self._began = 0.0
         self._running = False
-        self._interrupted = threading.Event()  # set by a stop: do not wait for the rest of a block
+        self._interrupted = threading.Event()  # set by a stop: `fetch` then returns without waiting
         self._data = np.zeros((0, 0))
         self._stream: Stream | None = None  # the active run that is computed update by update
-        self._turn = threading.Lock()  # excludes `exchange` and `stop` from each other
-        self._numbers = np.zeros(0)  # numbers sent to the D/A converter in the last run, with the ramp
+        self._turn = threading.Lock()  # prevents `stop` during an `exchange`, and the reverse
+        # Numbers sent to the D/A converter in the last run and its ramp to 0 V, one per update [n].
+        self._numbers = np.zeros(0)
 
     @property
     def capabilities(self) -> Capabilities:
@@ -126,16 +128,17 @@ class VirtualRig:
         )
 
     def told(self, runs: int) -> dict[str, str]:
-        """Return the true contact in the next `runs` runs, as an attribute of their recording."""
+        """Return the true contact in the next `runs` runs, as `Repeats.told`; empty if it does not vary."""
         return self._repeats.told(self.actuator, runs, self._runs)
 
     def load(self, volts: Array) -> None:
-        """Load the drive, V at the piezo, one value per update."""
+        """Load the drive [n], V at the piezo, one value per update. RigError while a run is active."""
         self._forbid_running("load")
         self._volts = np.array(volts, dtype=float)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Choose the inputs of the next run, and the number of samples to record."""
+        """Choose the inputs of the next run, by name, and the number of samples to record. RigError if there
+        is no such input, the number is too large or a run is active."""
         self._forbid_running("arm")
         known = self.capabilities.inputs
         for name in inputs:
@@ -146,7 +149,8 @@ class VirtualRig:
         self._inputs, self._samples = tuple(inputs), samples
 
     def start(self) -> None:
-        """Start a run: compute all its samples at once; `fetch` then returns them in blocks."""
+        """Start a run: compute all its samples at once; `fetch` then returns them in blocks. RigError before
+        `load` and `arm`, during a run, or if the simulation fails."""
         self._forbid_running("start")
         if not self._volts.size or not self._samples:
             raise RigError("start needs a drive (load) and inputs (arm)")
@@ -159,8 +163,8 @@ class VirtualRig:
     def begin(self, inputs: tuple[str, ...]) -> list[float]:
         """Start a run at 0 V whose output is set update by update, by `exchange`.
 
-        Returns:
-            The first readings of the inputs, in their order and units.
+        Return the first readings of the inputs, in their order and units. RigError for an unknown input,
+        during a run, or if bench or sensors do not allow such runs.
         """
         self._forbid_running("begin")
         self.arm(inputs, MAX_POINTS)
@@ -177,7 +181,8 @@ class VirtualRig:
         return stream.readings()
 
     def exchange(self, volts: float) -> list[float]:
-        """Output a voltage [V at the piezo] at this update; return the readings of the next update."""
+        """Output a voltage [V at the piezo] at this update; return the readings of the next update. RigError
+        without a run, after `MAX_POINTS` updates, or if the simulation fails."""
         with self._turn:
             stream = self._stream
             if stream is None:
@@ -194,7 +199,8 @@ class VirtualRig:
                 raise RigError(f"the simulation of the actuator: {error}") from None
 
     def fetch(self) -> Array:
-        """Return the next samples [inputs, n]; n is 0 at the end of the run."""
+        """Return the next samples [inputs, n], in the inputs' units; n is 0 at the end of the run. RigError
+        without a run."""
         if not self._running:
             raise RigError("nothing is running")
         end = min(self._fetched + max(1, round(BLOCK * self.bench.sample_rate)), self._samples)
@@ -212,16 +218,17 @@ class VirtualRig:
         self._interrupted.set()
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V from the present output, which is at the last fetched sample.
+        """Ramp to 0 V at `slew` [V/s] from the output at the last fetched sample, and end the run.
 
-        The ramp takes `limits.LONGEST_STOP` at most, even for a smaller `slew`.
+        The ramp takes `limits.LONGEST_STOP` seconds at most, even for a smaller `slew`. Without an active run
+        nothing happens.
         """
         if not self._running:
             return
         if self._stream is not None:
             self._stop_stream(self._stream, slew)
             return
-        if self._fetched and not self.actuator.clamped:  # the end-effector sticks to the returning stage
+        if self._fetched and not self.actuator.clamped:  # in the ramp the end-effector sticks
             self.origin += float(self._slid[self._fetched - 1])
         rate = self.bench.dac.update_rate
         played = max(1, math.ceil(self._fetched * rate / self.bench.sample_rate))
@@ -236,10 +243,10 @@ class VirtualRig:
             self._remanence = left_by(piezo, self._begins(table.before), table, given.duration)
 
     def _ramp(self, volts: float, greatest: float, slew: float) -> Array:
-        """Return the voltages [n], V, of the ramp from `volts` [V] to 0 V and of a pause at 0 V.
+        """Return the voltages [n], V, of the ramp from `volts` [V] to 0 V and of a pause of `_SETTLE` at 0 V.
 
-        `greatest` is the peak voltage of the run, V; from it a ramp at `slew` V/s must not exceed
-        `LONGEST_STOP`, else a faster ramp is used.
+        The slew rate is `slew` [V/s], or higher if a ramp from the peak voltage `greatest` [V] of the run
+        would last longer than `LONGEST_STOP`. With an infinite `slew` the voltage jumps.
         """
         slew = max(slew, greatest / LONGEST_STOP) if math.isfinite(slew) else math.inf
         rate = self.bench.dac.update_rate
@@ -248,9 +255,9 @@ class VirtualRig:
         return np.append(ramp, np.zeros(math.ceil(_SETTLE * rate)))
 
     def _stop_stream(self, stream: Stream, slew: float) -> None:
-        """End a run by updates: ramp to 0 V, and keep the positions and the state of the piezo."""
+        """End a run that is computed update by update: ramp to 0 V, store origin and state of the piezo."""
         with self._turn:
-            self._stream = None  # a later update finds no active run
+            self._stream = None  # from now on `exchange` refuses
             given = self._given or [0.0]
             ramp = self._ramp(given[-1], max(map(abs, given)), slew).tolist()
             try:
@@ -267,7 +274,8 @@ class VirtualRig:
     def _begins(self, volts: float) -> Remanence:
         """Return the state of the piezo at the start of a run.
 
-        In the first run the piezo has rested for long at `volts` [V], the amplifier's output at 0 V.
+        Before the first run the piezo has rested for long at `volts` [V], which is the amplifier's output for
+        a requested voltage of 0 V.
         """
         assert self.actuator.piezo is not None
         return self._remanence or annealed(self.actuator.piezo, volts)
@@ -286,7 +294,7 @@ class VirtualRig:
         )
 
     def monitor(self) -> float:
-        """Return the settled output of the amplifier after a run, V, with the rounding by the converter."""
+        """Return the amplifier's settled output after the last ramp, V, as rounded by the converter."""
         if not self._numbers.size:
             return 0.0
         code = float(dac_output(self.bench.dac, self._numbers[-1:])[0])
@@ -297,7 +305,7 @@ class VirtualRig:
             raise RigError(f"{what}: a run is going on; stop it first")
 
     def _computed(self) -> Array:
-        """Simulate the run and return the samples of all inputs [inputs, samples]."""
+        """Simulate the run; return the samples of the chosen inputs [inputs, samples], in their units."""
         bench, rate = self.bench, OVERSAMPLING * self.bench.sample_rate
         updates = math.ceil(self._samples * bench.dac.update_rate / bench.sample_rate) + 1
         codes = dac_output(bench.dac, _held(self._numbers, updates))
@@ -342,9 +350,10 @@ class VirtualRig:
         return actuator.replace(normal_force=along._replace(origin=along.origin + self.origin))
 
     def _driven(self, drive: Waveform, end: float) -> tuple[Actuator, Waveform]:
-        """Return the actuator of this run and its drive up to `end` [s].
+        """Return the actuator of this run and its drive, for the simulation up to `end` [s].
 
-        If the piezo has a memory, the drive includes its hysteresis and creep, and the actuator has no piezo.
+        If the state of the piezo is kept between runs, hysteresis and creep are applied to the drive here,
+        and the actuator is returned without its piezo. Otherwise the drive is unchanged.
         """
         actuator = self._here()
         piezo = actuator.piezo

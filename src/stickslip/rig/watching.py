@@ -1,4 +1,4 @@
-"""Wrapper of a rig that shows samples during the run, processed as in the recording; a viewer can stop it."""
+"""Wrapper of a rig that passes samples to a viewer during the run, processed as in the recording."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from .recorded import Channel
 
 
 class WatchedRig:
-    """Wrapper of a rig that shows the samples to a watcher; see `protocols.Rig`.
+    """Wrapper of a rig that shows the samples to a watcher, the function `sees`; see `protocols.Rig`.
 
     Args:
         rig: the rig that records.
         channels: as for `measure`; calibrated, filtered and zeroed block by block. `zero` subtracts the mean
             of the samples before the drive in the first block.
-        armed: called before a run with two numbers: of the samples that will be shown, and of those among
-            them before the drive.
-        sees: called with the next values of each channel [n] by name. The samples in which filters settle
-            are left out; while the start is awaited, n is 0. An error that it raises ends the run with a
-            ramp to 0 V.
+        armed: called before a run with two numbers: the number of samples that will be shown, and the number
+            of them before the drive.
+        sees: called with the next values of each channel [n] by name, in its unit. The samples in which
+            filters settle are left out; while the start is awaited, n is 0. An error that it raises ends the
+            run with a ramp to 0 V.
         stopping: called without arguments when the ramp to 0 V has been requested.
     """
 
@@ -55,7 +55,7 @@ class WatchedRig:
 
     @property
     def origin(self) -> float:
-        """Return the origin of the wrapped rig's position readings, m: see `home`."""
+        """Return the origin of the wrapped rig's position readings, m (rad): see `home`."""
         return getattr(self._rig, "origin", 0.0)
 
     @property
@@ -65,8 +65,8 @@ class WatchedRig:
 
     @property
     def guard(self) -> Callable[[Limits, PositionInput | None, int, Path | None], None] | None:
-        """Return the wrapped rig's method that sets the limits for the process that supervises it; None if
-        no other process does."""
+        """Return the wrapped rig's method `guard`, which gives the limits to the process that supervises the
+        rig (see `HostedRig.guard`); None for a rig in this program."""
         return getattr(self._rig, "guard", None)
 
     def told(self, runs: int) -> dict[str, str]:
@@ -74,7 +74,8 @@ class WatchedRig:
         return getattr(self._rig, "told", lambda runs: {})(runs)
 
     def load(self, volts: Array) -> None:
-        """Load the drive [n], V at the piezo."""
+        """Load the drive [n], V at the piezo, one value per update; it starts at its first value above 0
+        V."""
         can = self.capabilities
         moving = np.flatnonzero(volts)
         first = int(moving[0]) if moving.size else volts.size
@@ -82,7 +83,7 @@ class WatchedRig:
         self._rig.load(volts)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs for `samples` samples, and tell the watcher what will be shown."""
+        """Record these inputs for `samples` samples, and call `armed`."""
         self._inputs, self._states, self._zeros = inputs, {}, {}
         self._skip = min(math.ceil(SETTLING * self.capabilities.sample_rate), self._before)
         self._rig.arm(inputs, samples)
@@ -97,7 +98,7 @@ class WatchedRig:
         self._rig.start()
 
     def fetch(self) -> Array:
-        """Return the next samples, after the watcher has seen them."""
+        """Return the next raw samples [inputs, n], after `sees` was called with their values."""
         block = self._rig.fetch()
         if block.shape[1]:
             shown = {name: self._shown(name, block)[self._skip :] for name in self._channels}
@@ -106,7 +107,7 @@ class WatchedRig:
         return block
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V."""
+        """Ramp to 0 V at `slew` [V/s], then call `stopping`."""
         self._rig.stop(slew)
         self._stopping()
 

@@ -1,8 +1,9 @@
 """Protocol between the rig's process and its clients: JSON and numbers over a local socket.
 
-A message is the length of its head (4 bytes, little-endian), the head and an array of float64. The head is
-JSON and gives the shape of the array as "shape". Every request has one answer. An answer with "error" is an
-error message, with the name of its class as "kind".
+A message is the length of its head (4 bytes, little-endian), the head and an array of float64, little-endian.
+The head is a JSON object and gives the shape of the array as "shape". The head of a request names the request
+as "do". Every request has one answer. In the answer of a refused request, "error" is the message of the error
+and "kind" the name of its class.
 
 The requests::
 
@@ -38,8 +39,8 @@ import numpy as np
 from ..gate.text import load_json
 from .protocols import Array
 
-LARGEST_HEAD = 1_000_000  # bytes; a message with a larger head is refused
-LARGEST_ARRAY = 60_000_000  # numbers (480 MB); a message with a larger array is refused
+LARGEST_HEAD = 1_000_000  # largest length of a head that is received, bytes
+LARGEST_ARRAY = 60_000_000  # largest number of values of an array that is received (480 MB)
 
 
 class WireError(OSError):
@@ -47,7 +48,7 @@ class WireError(OSError):
 
 
 def send(link: socket.socket, head: dict[str, Any], values: Array | None = None) -> None:
-    """Send a message: `head` as JSON, and an array of numbers, which is empty by default.
+    """Send a message over the socket `link`: `head` as JSON, and the numbers `values`, by default none.
 
     Raises:
         TypeError, ValueError: the head cannot be written as JSON. Nothing was sent.
@@ -69,18 +70,21 @@ def text_of(head: dict[str, Any]) -> str:
 
 
 def _plain(value: object) -> object:
-    """Return a NumPy number as Python's. TypeError for other types that JSON does not support."""
+    """Return a number of NumPy as a number of Python; TypeError for any other value."""
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"{value!r:.60} is no text, number or list")
 
 
 def receive(link: socket.socket) -> tuple[dict[str, Any], Array]:
-    """Return the next message: its head, and its array, which is empty if the sender gave none.
+    """Wait for the next message on the socket `link`; return its head and its array.
+
+    The array is empty if the sender gave none.
 
     Raises:
         EOFError: the other side has closed the connection.
-        WireError: the received data are not a message.
+        WireError: the received data are not a message, or it is too large.
+        OSError: the connection has failed, or its timeout is over.
     """
     (length,) = struct.unpack("<I", _exactly(link, 4))
     if length > LARGEST_HEAD:
