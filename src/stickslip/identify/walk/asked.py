@@ -20,8 +20,8 @@ def check_asked(
     tied: Mapping[str, str] | None = None,
     noise: float | str | None = None,
 ) -> None:
-    """Check names, initial values, bounds, priors and ties of a fit by `identify_friction`, so that errors
-    show before recordings are read.
+    """Check names, initial values, bounds, priors and ties of a fit by `identify_friction`, so that an error
+    in them is raised before recordings are read. Bounds of delay and offset are not checked.
 
     Args:
         model: actuator with the initial values.

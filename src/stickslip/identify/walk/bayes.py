@@ -74,7 +74,8 @@ def posterior(
             done.
 
     Raises:
-        FitError: the fit is of another kind, or arviz is missing (extra ``stickslip[bayes]``).
+        FitError: the fit is of another kind (also a joint fit of friction and stage), delay or offset is
+            tied, or arviz is missing (extra ``stickslip[bayes]``).
     """
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     tolerance = to_si(tolerance, "m", "tolerance")
@@ -113,11 +114,11 @@ class _Space(NamedTuple):
         stage: fit of the stage; None: the stage is exact.
         kept: indices in the stage's fit of its parameters that are sampled too.
         parameters: all parameters in this order.
-        centre: coordinates q of all parameters at the estimates.
+        centre: coordinates q of all parameters at the estimates, shape (parameters,).
         searched: indices in `parameters` of the coordinates of search points: all except delay and offset,
             which are integrated out.
-        power: exponent for each searched coordinate that straightens a curved minimum; 0: the coordinate is
-            used as it is.
+        power: for each searched coordinate the exponent that straightens a curved minimum: the search uses
+            exp(power (q - centre)); 0: the search uses q itself.
         bend: matrix C of the module's docstring, for the parameters of the fit of the walks.
     """
 
@@ -151,10 +152,15 @@ def _space(fit: Fit, stage: Fit | None, bend: Array) -> _Space:
 
 
 class _Density:
-    """Posterior density as a function of search points, which have coordinates that straighten a curved
-    minimum.
+    """Posterior density as a function of search points, whose coordinates straighten a curved minimum.
 
     A call transforms points back to q and simulates all walks at the values there.
+
+    Args:
+        of: sampled parameters.
+        members: the walks, to simulate for many values.
+        variance: variance of the position's noise, m^2 (rad^2).
+        random: generator of the draws of delay and offset.
     """
 
     def __init__(
@@ -186,7 +192,7 @@ class _Density:
                 at[there, self.channel[name]] = column
                 found = found - log_prior(
                     free[name], column
-                )  # the prior of delay or offset is in `found` already, and is added for all parameters below
+                )  # `found` contains this prior of delay or offset already; the loop below adds all priors
         beside = at[there, own:] - of.centre[own:]
         found -= 0.5 * np.einsum("mi,ij,mj->m", beside, self.precision, beside) + stretched.sum(axis=1)
         at[:, :own] = of.centre[:own] + (at[:, :own] - of.centre[:own]) @ self.unbend.T
@@ -197,7 +203,8 @@ class _Density:
 
 
 def _variance(fit: Fit) -> float:
-    """Return the variance of the position's noise, m^2: the given one, or else the one of the residuals."""
+    """Return the variance of the position's noise, m^2 (rad^2): the given one, or else that of the residuals
+    of all recordings."""
     given = fit.known[0].given if fit.known else None
     if fit.noise_known and given is not None:
         return float(np.mean(np.square(given)))
@@ -205,8 +212,8 @@ def _variance(fit: Fit) -> float:
 
 
 def _start(fit: Fit) -> Array:
-    """Return the covariance of the fit's coordinates, limited to a tenth of the range between bounds as
-    standard deviation.
+    """Return the covariance of the fit's coordinates q, shape (parameters, parameters), with each standard
+    deviation limited to a tenth of the range between bounds.
 
     A coordinate without a finite variance gets a standard deviation of 1 % of its range, uncorrelated.
     """
@@ -220,8 +227,8 @@ def _start(fit: Fit) -> Array:
 
 
 def _begin(of: _Space, motions: Sequence[Displacement]) -> Mixture:
-    """Return the proposal distribution of the first round: a mixture with one component for each minimum of
-    the fit.
+    """Return the proposal distribution of the first round, over search points: a mixture with one component
+    for each minimum of the fit. `motions` are the simulations of the walks.
 
     In each component the friction parameters are correlated with the stage's, as a fit with another stage
     would give them.
@@ -271,8 +278,9 @@ def curvature_adjustment(fit: Fit, variance: float) -> Array:
     ends = np.cumsum([g.n_data for g in fit.recordings])[:-1]
     noise = noise_of(fit)
     power = scores(np.split(j, ends), noise) / variance
-    # `power` is the covariance of the score. With H = J^T J = U diag(w) U^T, all in units of the variance,
-    # the eigenvalues m and eigenvectors v are of H^(-1/2) power H^(-1/2).
+    # `power` is the covariance of the score (the gradient of the log likelihood). With H = J^T J =
+    # U diag(w) U^T, both in units of the variance, m and v are the eigenvalues and eigenvectors of
+    # H^(-1/2) power H^(-1/2).
     w, u = np.linalg.eigh(j.T @ j)
     root, back = (u * np.sqrt(w)) @ u.T, (u / np.sqrt(w)) @ u.T
     m, v = np.linalg.eigh(back @ power @ back)

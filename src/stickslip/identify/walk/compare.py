@@ -53,9 +53,10 @@ def walk_candidates(
     element slips once more or once less).
 
     Args:
-        coulomb_force: Coulomb friction, N; for a rotary actuator a plain number in N m.
-        sigma_0: stiffness of the contact, N/m (N m/rad).
-        sigma_1: damping of the contact, N s/m (N m s/rad).
+        coulomb_force: Coulomb friction, N. For a rotary actuator this and the next two are plain numbers in
+            N m, N m/rad and N m s/rad.
+        sigma_0: stiffness of the contact, N/m.
+        sigma_1: damping of the contact, N s/m.
         starts: number of initial guesses for the static Stribeck law; Maxwell slip gets a quarter of them.
         stribeck_velocity: initial Stribeck velocity, m/s (rad/s).
     """
@@ -89,7 +90,7 @@ def walk_candidates(
         Candidate(
             "ResetIntegrator",
             ResetIntegrator(k, f / k, 0.0, sigma_1),
-            ("sigma_0", "breakaway_deflection", "sigma_2"),  # sigma_2 damps the bristle's vibration
+            ("sigma_0", "breakaway_deflection", "sigma_2"),  # only sigma_2 damps vibrations in presliding
             sigma_2,
         ),
         Candidate("LuGre", LuGre(k, sigma_1, 0.0, f, f), ("sigma_0", "sigma_1", "coulomb_force"), damping),
@@ -114,7 +115,7 @@ def walk_candidates(
                 **{f"strength_{i}": (0.05 * f, f) for i in (1, 2)},
                 "sigma_2": (0.0, 3.0 * sigma_1),
             },
-            -(-starts // 4),  # a quarter of the initial guesses, as an evaluation takes ten times as long
+            -(-starts // 4),  # fewer initial guesses: an evaluation of this law takes ten times as long
         ),
     ]
 
@@ -138,7 +139,7 @@ def compare_walks(
         verification: walks that are not fitted; each fit predicts them.
         model: the actuator; its law is replaced.
         laws: the candidates, from `walk_candidates` or your own.
-        channel_free: free parameters of the position channel, the same for all laws.
+        channel_free: free parameters of the position channel ("delay", "offset"), the same for all laws.
         bounds: bounds by name, in SI or as strings; each fit uses those of its own free parameters.
         unseen_drive: waveform of each verification recording, or one for all; None: as recorded. It is needed
             if `drive` is given for the fitted recordings.

@@ -1,8 +1,9 @@
 r"""Test whether fitted parameters depend on conditions of the experiment, such as voltage or temperature.
 
-Recordings have attributes for these conditions. Recordings with the same condition are fitted together, and
-then all at once. If one set of values explains all, the sum of squares S of the common fit exceeds the sum of
-the separate fits' :math:`S_g` by no more than noise causes. The F-test uses
+Recordings have attributes for these conditions. Recordings with the same value of the attribute are fitted
+together; in addition, all recordings are fitted at once. If one set of values explains all recordings, the
+sum of squares S of the common fit exceeds the sum of the separate fits' :math:`S_g` by no more than noise
+causes. The F-test uses
 
 .. math:: F = \frac{(S - \sum_g S_g) / (k (G - 1))}{\sum_g S_g / (n - k G)}
 
@@ -45,7 +46,8 @@ class Conditions:
     """Fits of the same model under several conditions.
 
     Attributes:
-        by: name of the attribute that differs; `unit` is its unit in SI.
+        by: name of the attribute that differs.
+        unit: SI unit of the attribute; "" for a plain number.
         at: value of the attribute in each condition, ascending, in SI.
         fits: one fit for each condition, in the order of `at`.
         together: one fit to all recordings.
@@ -125,7 +127,10 @@ def identify_conditions(
     unit: str | None = None,
     **options: Any,
 ) -> Conditions:
-    """Fit the walks of each condition separately, and all walks together.
+    """Fit the walks of each condition separately, and all walks together, and test whether the values depend
+    on the condition.
+
+    The separate fits start at the values of the common fit and have the same free parameters.
 
     Args:
         recordings: each with an attribute `by` (a number in SI or a text with a unit), or with a variable of
@@ -138,7 +143,8 @@ def identify_conditions(
             changes with the condition are tested first.
 
     Raises:
-        RecordingError: a recording has no such attribute, or its value is the same in all recordings.
+        RecordingError: a recording has no such attribute, its value is the same in all recordings, or see
+            `identify_friction`.
         QuantityError, FitError: as for `identify_friction`; or an attribute has another unit than `unit`.
     """
     found, unit = recordings_of(recordings), UNITS.get(by, "") if unit is None else unit
@@ -168,8 +174,8 @@ def identify_conditions(
 
 
 def _chance(together: Fit, fits: Sequence[Fit]) -> float:
-    """Return the p-value of the F-test: the probability that noise alone lowers the sum of squares of
-    separate fits so much.
+    """Return the p-value of the F-test: the probability that noise alone makes the sum of squares of the
+    common fit exceed that of the separate fits so much.
 
     It is 1 if there are too few samples for the test or the separate fits leave no residuals.
     """
@@ -203,7 +209,13 @@ def _moves(fits: Sequence[Fit], name: str) -> float:
 
 
 def _values_of(recordings: Sequence[xr.Dataset], by: str, unit: str) -> list[float]:
-    """Return the value of the attribute `by` of each recording, converted to `unit` (SI)."""
+    """Return the value of the attribute (or stored variable) `by` of each recording, converted to `unit`
+    (SI).
+
+    Raises:
+        RecordingError: a recording has no such attribute.
+        QuantityError: a value has another unit.
+    """
     found = []
     for recording, name in zip(recordings, names_of(recordings), strict=True):
         attributes = {**_variables(recording), **recording.attrs}
@@ -215,5 +227,6 @@ def _values_of(recordings: Sequence[xr.Dataset], by: str, unit: str) -> list[flo
 
 
 def _variables(recording: xr.Dataset) -> dict[str, Any]:
-    """Return the variables by name that an experiment file stored in a recording (attribute "variables")."""
+    """Return the variables of the experiment by name that are stored in a recording's attribute "variables";
+    empty without the attribute."""
     return json_attribute(recording.attrs, "variables")

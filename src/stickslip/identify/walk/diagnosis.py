@@ -41,7 +41,7 @@ from .walks import DIFFERENCE_STEP, Walks, own_values
 # Number of terms that are fitted even if one of them explains the walks already, because other terms may
 # explain them equally well.
 FEWEST_FITTED = 4
-# CPU time [s] of a diagnosis after which no further term is fitted.
+# CPU time of a diagnosis after which no further term is fitted, s.
 SECONDS = 20.0
 # Share of the sum of squares of correlated residuals: a term that explains more is reported as missing even
 # if the noise is unknown.
@@ -49,7 +49,7 @@ MOST = 0.5
 # Largest rms residual, relative to the tolerance of the simulation, that may come from simulation errors
 # alone; correlated residuals below it are not diagnosed.
 SIMULATED = 3.0
-# Largest number of evaluations of the fit with a further term; it starts near its minimum.
+# Largest number of evaluations in the search with a further term, which starts near its minimum.
 EVALUATIONS = 60
 # Difference of chi-squared between two fitted terms, in standard deviations of its noise, above which the
 # recordings prefer one of them.
@@ -65,8 +65,8 @@ Afar = Callable[[Walks, list[Parameter], Mapping[str, tuple[float, float]]], Fit
 
 
 class Scored(NamedTuple):
-    """A candidate for the missing term: the term, its most promising variant `way`, and the linearised effect
-    `does` of adding the variant (reduction of chi-squared, estimated parameters)."""
+    """A candidate for the missing term: the `term`, its most promising variant `way`, and the linearised
+    effect `does` of adding this variant (reduction of chi-squared, estimated parameters)."""
 
     term: Term
     way: Way
@@ -84,9 +84,9 @@ class Tried(NamedTuple):
     Attributes:
         cause: the term in words.
         fit: fit of the walks with the term.
-        bounds: bounds by name that the added parameters need.
+        bounds: bounds by name that the added parameters need, SI.
         added: names of the parameters to free.
-        change: fields of the actuator to set instead, by name.
+        change: new values of fields of the actuator, by name, for a term without parameters.
         untied: names of parameters whose tie must be removed.
     """
 
@@ -105,12 +105,14 @@ class Tried(NamedTuple):
 
 
 def lacking(fit: Fit) -> bool:
-    """Return True if the model leaves more than the noise of at least one recording (lack of fit)."""
+    """Return True if the residual of at least one recording exceeds its independently known noise (lack of
+    fit)."""
     return any(one.seen for one in fit.lack)
 
 
 def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
-    """Return the fit with advice on the missing term; the fit itself if it explains the walks.
+    """Return the fit with advice on the missing term; unchanged if the model explains the walks, the loss is
+    robust, or only instrument faults cause the misfit.
 
     With a lack of fit, the advice is also a remark. If the noise is unknown or larger than the misfit, a term
     that explains most of the correlated residuals is reported as a doubt.
@@ -118,14 +120,15 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
     Args:
         fit: fit of the walks, with its model.
         walks: the fitted walks.
-        reacting: fit with the reaction of friction on the stage; None: fit it here if the model lacks it.
+        reacting: fit with the reaction of friction on the stage; None: this function makes the fit, if the
+            model lacks the reaction.
         afar: function that fits from distant initial guesses, see `Afar`.
     """
     lacks = lacking(fit)
     if fit.loss != "linear" or not (lacks or (correlated(fit) and fit.rmse > _error_of_simulation(walks))):
         return fit
     if lacks and not any(one.seen for one in lack_beside_faults(fit)):
-        return fit  # the lack of fit disappears without instrument faults, which are reported already
+        return fit  # instrument faults, which are reported elsewhere, cause the whole lack of fit
     terms = scored(fit, walks)
     if not lacks:
         terms = [one for one in terms if one.does.share > MOST]
@@ -133,7 +136,7 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
             return fit
     advice = _advice(fit, walks, terms, reacting, afar)
     if not advice.explains and any(one.moves > MOVES for one in fit.disturbances):
-        return fit  # an instrument fault changes the values, and no term explains the walks
+        return fit  # an instrument fault changes the values, and no tried term explains the walks
     if lacks:
         return replace(fit, advice=advice, remarks=(*fit.remarks, advice.sentence))
     if not advice.explains or advice.after > math.sqrt(1.0 - MOST) * advice.before:
@@ -145,8 +148,8 @@ def diagnosed(fit: Fit, walks: Walks, reacting: Fit | None, afar: Afar) -> Fit:
 
 
 def with_advice_of(fit: Fit, other: Fit) -> Fit:
-    """Return the fit with the advice of `other`, a fit of the same model to more walks, and the sentence on
-    it."""
+    """Return the fit with the advice of `other`, a fit of the same model to more walks, and with the remarks
+    and doubts of `other` that contain the advice; unchanged if `other` has no advice."""
     advice = other.advice
     if advice is None:
         return fit
@@ -157,7 +160,7 @@ def with_advice_of(fit: Fit, other: Fit) -> Fit:
 
 
 def _judged(fit: Fit) -> bool:
-    """Return True if the noise of every recording is known independently of the residuals."""
+    """Return True if the fit has a lack-of-fit test against known noise for every recording."""
     return bool(fit.lack) and not any(math.isnan(one.ratio) for one in fit.lack)
 
 
@@ -181,7 +184,7 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
     reacting = reacting or with_reaction(fit, walks, EVALUATIONS)
     if reacting is not None:
         tried.append(Tried(REACTION, walks.completed(reacting), change={"stage_reaction": True}))
-    for search in (None, afar):  # first from the present values (None), then from distant initial guesses
+    for search in (None, afar):  # None: fit from the present values; then from distant initial guesses
         for one in terms if search is None else _from_afar(fit, terms):
             explained = any(other.explains for other in tried)
             if spent() > SECONDS or (explained and (search or len(tried) >= FEWEST_FITTED)):
@@ -199,8 +202,8 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
 
 
 def _without_reaction(fit: Fit, walks: Walks, afar: Afar) -> Fit | None:
-    """Return the fit of the model without the reaction of friction on the stage, from distant initial
-    guesses; None if the model has no reaction, or cannot be fitted without it."""
+    """Return the fit of the model without the reaction of friction on the stage, from distant initial guesses
+    (`afar`); None if the model has no reaction, or cannot be fitted without it."""
     other = other_reaction(fit, walks, reacts=False)
     if other is None:
         return None
@@ -246,8 +249,8 @@ def scored(fit: Fit, walks: Walks) -> list[Scored]:
 
 
 def _columns(fit: Fit, walks: Walks, beside: Sequence[Values]) -> Array:
-    """Return the changes of the simulated positions, in their unit, for each perturbed model, shape (samples
-    of all recordings, models); `beside` contains the changed values by name of each model."""
+    """Return the changes of the simulated positions, m (rad), for each perturbed model, shape (samples of all
+    recordings, models); `beside` contains the changed values by name, SI, of each model."""
     delay = fit.values.get("delay", 0.0)
     model = fit.model
     if any(name in NORMAL_FIELDS for values in beside for name in values):
@@ -257,10 +260,10 @@ def _columns(fit: Fit, walks: Walks, beside: Sequence[Values]) -> Array:
 
 
 def _fitted(fit: Fit, walks: Walks, one: Scored, afar: Afar | None) -> Fit | None:
-    """Return the fit with one further term free; None if it cannot be fitted.
+    """Return the fit with one further term free; None if the model with the term cannot be fitted.
 
-    Searches start at the present values and at the linearised estimate or, with `afar`, from distant initial
-    guesses.
+    Searches start at the present values and at the linearised estimate or, if `afar` is given, from distant
+    initial guesses.
     """
     start = one.start
     bounds = one.term.bounds or bounds_about(one.term, start)
@@ -285,8 +288,8 @@ def _starts(parameters: Sequence[Parameter]) -> Values:
 
 
 def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
-    """Return the parameters' values by name after changes `moves` of their coordinates q, limited to the
-    bounds."""
+    """Return the parameters' values by name, SI, after changes `moves` of their coordinates q, shape
+    (parameters,), limited to the bounds."""
     found = {}
     for p, move in zip(parameters, moves, strict=True):
         value = p.value(p.coordinate(p.start) + move)
@@ -355,8 +358,8 @@ def _told_apart(fit: Fit, other: Fit) -> bool:
 
 
 def _lower(fit: Fit, other: Fit) -> float:
-    """Return by how much chi-squared is lower in `other` than in `fit`, scaled to the number of independent
-    samples."""
+    """Return by how much chi-squared is lower in `other` than in `fit` (negative: higher), scaled to the
+    number of independent samples."""
     left = np.concatenate(other.residuals)
     return independent_samples(left) / left.size * difference(fit, other)
 

@@ -29,9 +29,9 @@ from ..recorded.recorded_drive import drive_over
 if TYPE_CHECKING:
     import xarray as xr
 
-# Largest number of integration steps for one recording, and additional steps for each segment of the drive,
-# because the output of an amplifier has a hundred thousand segments per second. Only trial points of a fit
-# with a far too stiff contact need more; the simulation is then given up.
+# Largest number of integration steps for one recording (MAX_STEPS), and additional steps for each segment of
+# the drive (OF_SEGMENT), because the output of an amplifier has a hundred thousand segments per second. Only
+# trial points of a fit with a far too stiff contact need more; such a simulation ends with an error.
 MAX_STEPS, OF_SEGMENT = 200_000, 3
 LOAD = RelativeLoad()  # constant normal force, equal to the reference
 
@@ -72,8 +72,8 @@ class Displacement:
         self._slopes: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
 
     def beginning(self, samples: int, tolerance: float, max_steps: int) -> Displacement:
-        """Return the simulation of only the first `samples` samples, with another tolerance [m] and largest
-        number of integration steps."""
+        """Return a copy for only the first `samples` samples, with another tolerance, m (rad), and another
+        largest number of integration steps."""
         short = copy.copy(self)
         short.time, short.tolerance = self.time[:samples], tolerance
         short.max_steps = max_steps + OF_SEGMENT * int(np.count_nonzero(self.drive.start < short.time[-1]))
@@ -81,18 +81,19 @@ class Displacement:
         return short
 
     def stroke(self, model: Actuator) -> float:
-        """Return the quasi-static stroke of the stage, m: gain times the peak-to-peak drive voltage at the
-        samples."""
+        """Return the quasi-static stroke of the stage, m (rad): the model's gain times the peak-to-peak drive
+        voltage at the samples."""
         return model.gain * float(np.ptp(evaluate(self.drive, self.time)[0]))
 
     def _times(self, delay: float) -> tuple[int, NDArray[np.float64]]:
-        """Return the number of samples up to t = delay, at rest, and the times to simulate, s: 0, then those
-        of all later samples minus the delay."""
+        """Return the number of samples up to t = `delay` [s], at which the sensor still shows the rest, and
+        the times to simulate, s: 0, then those of all later samples minus the delay."""
         later = self.time - delay > 0.0
         return int(np.count_nonzero(~later)), np.append(0.0, self.time[later] - delay)
 
     def position(self, model: Actuator, delay: float) -> NDArray[np.float64]:
-        """Return the position at the recording's samples, m, shape (n,), recorded with this delay [s].
+        """Return the simulated position at the recording's samples, m (rad), shape (n,), recorded with this
+        delay [s].
 
         The last result is cached, so the same values with another offset of the channel need no simulation.
         """
@@ -106,7 +107,7 @@ class Displacement:
             outcome, reached, _, _ = integrate(
                 *(plant, *tables, state, span, self.tolerance, False, self.max_steps, times, samples)
             )
-            if outcome != DONE:  # a fit rejects trial points that raise ArithmeticError
+            if outcome != DONE:  # a search rejects trial points with an ArithmeticError
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
             self._known = ((model, delay), _held(classic(of, samples, self.drive, times)[:, 2], early))
         return self._known[1]
@@ -133,7 +134,8 @@ class Displacement:
         return self._slopes[1]
 
     def beside(self, model: Actuator, delay: float, others: Sequence[Actuator]) -> NDArray[np.float64]:
-        """Return the positions of other models minus the position of `model`, m, shape (samples, others).
+        """Return the positions of other models minus the position of `model`, m (rad), shape (samples,
+        others).
 
         The other models have the same laws with slightly different values. If the model has derivatives
         (`has_slopes`), they use its integration steps, so that relative changes of 1e-6 have an accurate
@@ -161,8 +163,8 @@ class Displacement:
 
 
 def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:
-    """Return the samples with the first one, at rest, repeated for all `early` samples before the motion
-    starts."""
+    """Return simulated samples (rows) for all samples of the recording: the first row, at rest, stands for
+    all `early` samples before the motion starts."""
     if early == 1:
         return samples
     return np.concatenate([np.repeat(samples[:1], early, axis=0), samples[1:]])

@@ -16,14 +16,14 @@ from ...waveform.signal import Waveform
 from ..free import parameter
 from .displacement import Displacement
 
-# Error tolerance of the simulated positions, m.
+# Error tolerance of the simulated positions, m (rad).
 TOLERANCE = 1e-11
 
 
 @record
 class PlannedWalk(NamedTuple):
-    """A planned recording of a walk: drive, duration [s], sample rate of the position [Hz], standard
-    deviation of a sample's noise [m], and number of repetitions."""
+    """A planned recording of a walk: its `drive` (a waveform), `duration` [s], `sample_rate` of the position
+    [Hz], `noise`, the standard deviation of a sample [m], and number of repetitions `repeats`."""
 
     drive: Waveform
     duration: Annotated[float, Quantity("s", "", "length of the recording", above=0.0)]
@@ -49,11 +49,11 @@ def expected_errors(
 ) -> xr.Dataset:
     """Return the standard errors that a fit to each experiment would have, from the Fisher information.
 
-    They hold for white noise and true values near those of the model. Offset and delay of the position
+    The errors hold for white noise and true values near those of the model. Offset and delay of the position
     channel are also free, as in practice.
 
     Args:
-        model: an actuator with a law of one internal state.
+        model: actuator with a law of one internal state, and with the expected values.
         free: names of the parameters to be fitted.
         experiments: planned walks by name.
 

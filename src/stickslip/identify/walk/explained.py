@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 TOGETHER = "all walks together"
-# Distance, in half-widths of the interval from a fit to some walks, beyond either end of which the value from
-# all walks contradicts that fit.
+# A value from all walks contradicts a fit to some walks if it lies outside this fit's interval by more than
+# this number of the interval's half-widths.
 CONTRADICTS = 2.0
 
 
@@ -47,8 +47,8 @@ class Explained(NamedTuple):
     Attributes:
         free: fit with the stage's values free.
         known: fit with the stage's values fixed at the known ones.
-        lacks: tests of `free` for each walk, then one of `known` against `free` for all walks together, if
-            the stage has values to free.
+        lacks: lack-of-fit tests of `free` for each walk with known noise, then one of `known` against `free`
+            for all walks together, if the stage has values to free.
     """
 
     free: Fit
@@ -79,15 +79,16 @@ def explained(
     slew_rate: float | None = None,
     **options: Any,
 ) -> Explained:
-    """Fit all walks with the stage's values free and with the known stage, starting from a fit to some walks.
+    """Fit all walks with the stage's values free and with the known stage, starting from a fit to some walks;
+    return both fits and the tests of their residuals.
 
     Args:
         fit: fit of `identify_friction` to some of the walks.
         walks, drives, slew_rate: all walks, and their arguments as for `identify_friction`.
-        free: names of the fitted parameters, including those of the position channel.
+        free: names of the fitted parameters; delay and offset are added if `fit` contains them.
         stage: fit of the model's stage, for its uncertainty.
-        stages: stages from recordings with parts left out (see `piezo.left_out`); their scatter is an
-            uncertainty too. With neither, the stage is taken as exact.
+        stages: actuators whose stage comes from recordings with parts left out (see `piezo.left_out`); their
+            scatter is an uncertainty too. With neither, the stage is taken as exact.
         options: further arguments of `identify_friction`.
     """
     begin = {name: fit.values[name] for name in CHANNEL if name in fit.values}
@@ -99,7 +100,7 @@ def explained(
     settings |= {"averaged": False, "settled": NEAR, "slew_rate": slew_rate, "tied": fit.tied, **options}
     more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
-    if any(one.seen for one in loose.lack):  # a misfit may come from a local minimum: search for others
+    if any(one.seen for one in loose.lack):  # a local minimum may cause the lack of fit: search for others
         again = identify_friction(walks, fit.model, [*free, *more], **settings)
         loose = min(loose, again, key=lambda one: one.cost)
     if not more:
@@ -110,14 +111,14 @@ def explained(
     known = identify_friction(walks, start, free, hops=0, **at)
     if (
         known.cost > loose.judgement.lack_ratio**2 * loose.cost
-    ):  # the fit with the known stage may have ended in another local minimum than the one with free stage
+    ):  # the fit with the known stage may have ended in another local minimum than the fit with a free stage
         law = loose.model.friction
         others = [
             identify_friction(walks, fit.model, free, **settings),
             identify_friction(walks, fit.model.replace(friction=law), free, hops=0, **settings),
         ]
         known = min(known, *others, key=lambda one: one.cost)
-    if known.cost < loose.cost:  # the fit with more free values is worse, so it ended in a local minimum
+    if known.cost < loose.cost:  # more free values cannot fit worse, so that search ended in a local minimum
         settings["begin"] = begin | {name: known.values[name] for name in begin}
         loose = identify_friction(walks, known.model, [*free, *more], hops=0, **settings)
     allowed = _allowed(known, walks, drives, slew_rate, stage, stages, loose.rmse)
@@ -129,7 +130,7 @@ def contradicted(fit: Fit, everything: Explained) -> tuple[str, ...]:
     """Return the names of friction parameters whose values in the fit to all walks are far outside their
     intervals in `fit`, a fit to some walks.
 
-    The tuple is also empty if the model does not explain all walks.
+    The tuple is empty if there are none, or if the model does not explain all walks.
     """
     if any(one.seen for one in (*fit.lack, *everything.lacks)):
         return ()
@@ -185,8 +186,8 @@ def diagnosed_together(
 
 
 def _ahead(fit: Fit, known: Values) -> Values:
-    """Return the best values, by name, of the other parameters if the `known` parameters are fixed at these
-    values, by linearised least squares; empty if the fit has no finite derivatives."""
+    """Return the best values, by name, SI, of all other parameters if the `known` parameters are fixed at
+    these values (by name, SI), by linearised least squares; empty if the fit has no finite derivatives."""
     if fit.jacobian is None or not np.all(np.isfinite(fit.jacobian)):
         return {}
     moved = np.array([p.name in known for p in fit.parameters])
@@ -206,20 +207,25 @@ def _allowed(
     stages: Sequence[Actuator],
     noise: float,
 ) -> float:
-    """Return the residual sum of squares, m^2, of the fit with the known stage after the stage's values adapt
-    within their uncertainty (linearised); `noise` is the standard deviation of the position's noise, m."""
+    """Return the residual sum of squares, m^2 (rad^2), that remains of the fit with the known stage if the
+    stage's values adapt within their uncertainty, linearised.
+
+    Args:
+        fit: fit of all walks with the known stage.
+        walks, drives, slew_rate, stage, stages: as for `explained`.
+        noise: standard deviation of the position's noise, m (rad).
+    """
     r = np.concatenate(fit.residuals)
     if fit.jacobian is None or not has_slopes(fit.model) or (stage is None and not stages):
         return float(r @ r)
-    # `moves` are changes of the positions by one standard deviation of the stage's values. Least squares
-    # below
-    # penalise such a change of the stage like one residual of the size of the noise.
+    # `moves` are changes of the positions by one standard deviation of the stage's values. The least squares
+    # below count such a change of the stage like one residual of the size of the noise.
     moves = np.zeros((r.size, 0))
     if stage is not None:
         moves = _by_values(fit, walks, drives, slew_rate, stage)
     if stages:
         moves = np.column_stack([moves, spread(list(moved_by(fit, stages, walks, drives, slew_rate).T))])
-    if not np.all(np.isfinite(moves)):  # derivatives fail if the contact is very stiff
+    if not np.all(np.isfinite(moves)):  # the simulation has no derivatives for a very stiff contact
         return float(r @ r)
     own = fit.jacobian[:, np.linalg.norm(fit.jacobian, axis=0) > 0.0]
     own = own / np.linalg.norm(own, axis=0)
@@ -237,8 +243,8 @@ def _by_values(
     slew_rate: float | None,
     stage: Fit,
 ) -> np.ndarray:
-    """Return the changes of the positions, m, by independent errors of the stage's values of one standard
-    deviation each (columns of the Cholesky factor of their covariance), shape (samples of all walks,
+    """Return the changes of the positions, m (rad), by independent errors of the stage's values of one
+    standard deviation each (columns of the Cholesky factor of their covariance), shape (samples of all walks,
     values)."""
     kept = stage_beside(stage, fit)
     parameters = [stage.parameters[i] for i in kept]

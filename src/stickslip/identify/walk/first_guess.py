@@ -41,7 +41,8 @@ FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
 # Number of drive periods that are used for initial guesses. If they have at most FEWEST samples, the whole
 # recording is used.
 PERIODS, FEWEST = 3, 30
-# Factor between a value and its default bound below which the bound counts as near and is moved outwards.
+# Ratio of a value to its default bound (or the inverse ratio) below which the bound is near and is moved
+# outwards.
 NEAR = 3.0
 # Number of points that are simulated, number of the best that are refined by a short search, and largest
 # number of evaluations of such a search.
@@ -87,8 +88,8 @@ def plausible(model: Actuator, stroke: float) -> Callable[[Array], dict[str, Arr
 
 
 def early_samples(time: Array, drive: Waveform) -> int:
-    """Return the number of samples up to the end of the first `PERIODS` periods; of all samples if the drive
-    has no periods or these contain too few samples.
+    """Return the number of samples up to the end of the drive's first `PERIODS` periods; the number of all
+    samples if the drive has no periods, or if these contain at most `FEWEST` samples.
 
     Args:
         time: sample times, s.
@@ -122,7 +123,8 @@ def first_guess(
         parameters: parameters with the user's initial guess, which is tried too.
         model: the actuator.
         stroke: stroke of the stage under the drive, m.
-        given: names with the user's bounds; the other bounds are widened to all plausible values.
+        given: names of parameters with the user's bounds; the other bounds are widened to all plausible
+            values.
         beside: parameters that are fixed, or tied to the free ones.
         parts: number of parts into which the ranges of forces and deflections are divided. With more than
             one, each pair of parts gives a guess, because the best points may all be of one kind, such as a
@@ -153,8 +155,9 @@ def first_guess(
     at = [p for p in parameters if p.name in CHANNEL]
 
     def cost(point: Values) -> tuple[float, Values]:
-        """Return the mean square of the residuals after a linear correction by delay and offset, if these are
-        free, and the point with the corrected values; infinity if the point cannot be simulated."""
+        """Return the mean square of the residuals, m^2, after a linear correction by delay and offset, if
+        these are free, and the point (values by name, SI) with the corrected ones; infinity and the unchanged
+        point if it cannot be simulated."""
         try:
             r = np.asarray(residuals.function(point), dtype=float)
         except (ValueError, ArithmeticError):
@@ -171,7 +174,7 @@ def first_guess(
 
     def with_slopes(values: Values) -> ArrayLike:
         if jacobian is not None:
-            jacobian(values)  # computes and caches the position, so the residuals need no simulation
+            jacobian(values)  # the simulation for the derivatives also caches the position for the residuals
         return residuals.function(values)
 
     def look(point: Values) -> tuple[float, Values]:
@@ -206,19 +209,19 @@ def far(one: Values, other: Values, names: Sequence[str]) -> bool:
 
     Points at the ends of short searches are then taken to be in different local minima.
     """
-    ends = [sorted((abs(one[name]), abs(other[name]))) for name in names]  # a value at its bound may be 0
+    ends = [sorted((abs(one[name]), abs(other[name]))) for name in names]  # no ratios: a value may be 0
     return any(high > APART * low for low, high in ends)
 
 
 def beside(parameters: Sequence[Parameter], values: Values, given: Container[str] = ()) -> list[Parameter]:
     """Return the parameters with their original bounds, starting at the end of a search within wide bounds.
 
-    Default bounds are moved outwards if a value is beyond or near them.
+    Default bounds of friction parameters are moved outwards if a value is beyond or near them.
 
     Args:
         parameters: parameters with original bounds.
-        values: end of the search, by name.
-        given: names with the user's bounds, which stay.
+        values: values at the end of the search, by name, SI.
+        given: names of parameters with the user's bounds, which stay.
     """
 
     def at(p: Parameter) -> Parameter:

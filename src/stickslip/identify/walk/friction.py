@@ -55,8 +55,8 @@ from .reaction import with_reaction, with_reaction_asked
 from .several import from_points, straightened
 from .walks import SETTLED, Walks, own_values
 
-# Rms residual, in converter steps, from which the rounding error acts like white noise and is left out of the
-# uncertainty.
+# Smallest rms residual, in converter steps, at which the rounding error acts like white noise and is not
+# added to the uncertainty.
 DITHERED = 10.0
 
 
@@ -250,8 +250,9 @@ def identify_friction(
 def _noise(
     noise: float | str | xr.Dataset | None, found: Sequence[xr.Dataset]
 ) -> tuple[str, float | None, float]:
-    """Return the unit of the positions ("m" or "rad"), the given standard deviation of their noise (None if
-    not given), and the drift at rest (variance gained per sample; 0 without a recording at rest)."""
+    """Return the unit of the positions ("m" or "rad"), the given standard deviation of their noise in this
+    unit (None if not given), and the drift at rest (variance gained per sample; 0 without a recording at
+    rest)."""
     if isinstance(noise, xr.Dataset):
         return unit_of([*found, noise], OBSERVED), None, drift_at_rest(noise, OBSERVED, found)
     unit = unit_of(found, OBSERVED)
@@ -268,7 +269,7 @@ def _parameters(
     free: Sequence[str],
 ) -> list[Parameter]:
     """Return the `free` parameters of the actuator and the position channel, with bounds and priors; `first`
-    contains the initial delay and offset, `along` converts units for a rotary actuator."""
+    contains initial delay and offset by name, `along` is the coordinate of the motion (length or angle)."""
     own = [
         of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds, along)
         for name in free
@@ -285,8 +286,8 @@ def _check(model: Actuator, free: Sequence[str], bounds: Bounds, priors: Bounds,
 
 
 def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float) -> Fit:
-    """Return the fit with uncertainty from converter steps added, and with its model, its prediction, remarks
-    and instrument faults."""
+    """Return the fit with the uncertainty from converter steps added, and with `model`, `predict`, further
+    remarks and the search for instrument faults (`disturbances`)."""
     measured = walks.measured
     simulated = np.concatenate(fit.residuals) + np.concatenate(measured)
     known = [
@@ -311,8 +312,8 @@ def _searched(
     hops: int,
     max_evaluations: int,
 ) -> Fit:
-    """Return the best fit of searches from the user's initial guess and, with `hops`, from guesses by
-    simulation and at other stiffnesses; `starts` is the number of further guesses that fill the bounds."""
+    """Return the best fit of searches from the user's initial guess and, if `hops` is above 0, from guesses
+    by simulation and at other stiffnesses. `starts` is the number of guesses, the further ones random."""
     own, begins = parameters, [{p.name: p.start for p in parameters}]
     walk = longest(walks)
     if hops:
@@ -322,7 +323,7 @@ def _searched(
     if walks.budget.over:
         return fit
     if hops and not (_white(fit) and not any(one.seen for one in fit.lack)):
-        # The first periods of a walk may not distinguish local minima, so guesses use all samples now.
+        # The first periods of a walk may not distinguish local minima, so these guesses use all its samples.
         parameters, found = guesses(walks, own, bounds, walk.time.size, PARTS)
         fit = lowest([fit, from_points(walks, parameters, found, bounds, max_evaluations)])
     if walks.budget.over:
@@ -353,7 +354,7 @@ def _white(fit: Fit) -> bool:
 
 def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fit:
     """Return the fit averaged over the plausible values of the least determined parameter; unchanged if all
-    parameters are well determined.
+    parameters are well determined, the loss is robust, or the law has no derivatives.
 
     If the averaged values describe the recordings worse than the user's initial values `given`, the values
     stay at the lowest sum of squares, and only the intervals are about the mean.
@@ -373,7 +374,7 @@ def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fi
 
 
 def _at_end(walks: Walks, fit: Fit, max_evaluations: int) -> Fit:
-    """Return the fit, after its search is continued along a curved minimum if it was stopped there before its
-    end."""
+    """Return the fit; if its search was stopped on the way along a curved minimum, the search is first
+    continued to the end."""
     there = straightened(fit.parameters, fit.values)
     return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations))

@@ -16,8 +16,8 @@ from .first_guess import first_guess
 from .several import from_points
 from .walks import Varied, Walks, observed, slopes_of
 
-# Error tolerance of simulations for initial guesses, relative to the stroke, and their largest number of
-# integration steps.
+# Simulations for initial guesses: their error tolerance relative to the stroke (GUESS_TOLERANCE), and their
+# largest number of integration steps (GUESS_STEPS).
 GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
 # Number of parts into which the range of forces, and that of deflections, is divided if the fit does not
 # explain its recordings; a search starts in each pair of parts.
@@ -32,8 +32,16 @@ def longest(walks: Walks) -> Displacement:
 def guesses(
     walks: Walks, parameters: list[Parameter], bounds: Bounds, samples: int, parts: int = 1
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return parameters with wide bounds, and initial guesses by `first_guess`, from the first `samples`
-    samples of the walk with the largest motion."""
+    """Return parameters with wide bounds, and initial guesses (values by name, SI, the best first) by
+    `first_guess`, from the first `samples` samples of the walk with the largest motion.
+
+    Args:
+        walks: the recordings.
+        parameters: parameters with the user's initial guess.
+        bounds: the user's bounds by name, which stay.
+        samples: number of samples.
+        parts: number of parts into which the ranges of forces and deflections are divided.
+    """
     most = walks.motions.index(longest(walks))
     stroke = max(motion.stroke(walks.model) for motion in walks.motions)
     short = walks.motions[most].beginning(samples, GUESS_TOLERANCE * stroke, GUESS_STEPS)
@@ -51,8 +59,8 @@ def _guessed(
     bounds: Bounds,
     parts: int,
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return bounds and initial guesses as `guesses` does, from the simulation `short` of one recording's
-    first samples."""
+    """Return parameters with wide bounds, and initial guesses, as `guesses` does, from the simulation `short`
+    of one recording's first samples and its `measured` positions, m (rad)."""
     varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
     residuals = Residuals(
         lambda v: observed(short, varied, v) - position, position, walks.noise, name, walks.unit
@@ -66,8 +74,8 @@ def _guessed(
 
 
 def from_guesses(walks: Walks, parameters: list[Parameter], bounds: Bounds, max_evaluations: int) -> Fit:
-    """Return the best fit of searches from the present values and from guesses by the whole walk with the
-    largest motion, without searches for other minima."""
+    """Return the best fit of searches from the values in `parameters` and from guesses by all samples of the
+    walk with the largest motion, without hops. `bounds` are the user's bounds by name."""
     wide, found = guesses(walks, parameters, bounds, longest(walks).time.size, PARTS)
     begins = [{p.name: p.start for p in parameters}, *found]
     return from_points(walks, wide, begins, bounds, max_evaluations)

@@ -41,19 +41,19 @@ def profile_interval(
 
     The parameter is fixed at several values. At each value all other parameters are fitted again.
 
-    Use it where linearised intervals are wrong, such as when another parameter is weakly determined (sigma_1
-    by slow samples), because the curvature at the estimate is then not informative. Autocorrelated noise
-    counts as in the fit. The threshold comes from Student's t or, if the noise is known, from the normal
-    distribution.
+    Use this function where linearised intervals are wrong, such as when another parameter is weakly
+    determined (sigma_1 by slow samples), because the curvature at the estimate is then not informative.
+    Autocorrelated noise counts as in the fit. The threshold comes from Student's t or, if the noise is known,
+    from the normal distribution.
 
     Args:
         fit: result of `identify_friction`, without a robust loss. Its own parameters, bounds, priors, ties
             and given noise are used, whatever `options` say.
         recordings: recordings of the fit.
         name: name of the parameter.
-        level: confidence level.
-        options: other arguments of `identify_friction` with which the fit was made: drive, and a recording of
-            noise.
+        level: confidence level, between 0 and 1.
+        options: other arguments of `identify_friction` with which the fit was made: `drive`, and `noise` if
+            that was a recording at rest.
 
     Returns:
         Lower and upper end, in the unit of the parameter. A profile that does not reach the threshold ends at
@@ -61,8 +61,9 @@ def profile_interval(
         `Parameter`). The stage is taken as exact.
 
     Raises:
-        FitError: the fit is not one of an actuator by `identify_friction`, has a robust loss or only one
-            value, or cannot be repeated.
+        FitError: the name is not a free parameter of the fit; or the fit is not one of an actuator by
+            `identify_friction`, is joint with the stage, has a robust loss or only one value, or cannot be
+            repeated.
     """
     names = [p.name for p in fit.parameters]
     if name not in names:
@@ -88,10 +89,9 @@ def profile_interval(
     reach = deviation if 0.0 < deviation < math.inf else 0.1 * abs(q)
 
     def distance(at: float, begin: Fit) -> tuple[float, Fit]:
-        """Return the distance (>= 0) from the best fit, in standard errors, and the fit with a fixed value.
-
-        `at` is the coordinate q of the value. The fit `begin` gives the initial guess.
-        """
+        """Return the distance (>= 0) of a fixed value from the best fit, in standard errors by the increase
+        of the cost, and the fit with this value. `at` is the coordinate q of the value; the fit `begin` gives
+        the initial guess of the others."""
         held = [
             one._replace(start=p.value(at), fixed=True, prior=None) if one.name == name else one
             for one in own
@@ -119,9 +119,9 @@ def refuse_joint(fit: Fit, what: str) -> None:
 
 def _end(q: float, side: float, reach: float, bound: float, t: float, distance: Any, fit: Fit) -> float:
     """Return the coordinate q at which the profile's distance reaches the threshold `t` on one side of the
-    estimate; `bound` if it does not.
+    estimate; `bound` if the distance stays below the threshold.
 
-    Secants find it in few fits, because the distance is nearly linear.
+    Secants find the coordinate in few fits, because the distance is nearly linear.
 
     Args:
         q: coordinate of the estimate.
@@ -157,8 +157,9 @@ def _end(q: float, side: float, reach: float, bound: float, t: float, distance: 
 def _again(
     fit: Fit, recordings: Any, parameters: Sequence[Parameter], begin: Values, settings: dict[str, Any]
 ) -> Fit:
-    """Return a new fit of `parameters` to the recordings, from the initial values `begin`, with the model of
-    `fit`."""
+    """Return a new fit of `parameters` to the recordings by `identify_friction`, with the model of `fit`, the
+    initial values `begin` (by name, SI) and further arguments `settings`. Raises FitError if `fit` has no
+    actuator."""
     if not isinstance(fit.model, Actuator):
         raise FitError("profile and bootstrap need the fit of an actuator by identify_friction")
     free = [p if p.fixed or p.tied else p.starting_at(begin[p.name]) for p in parameters]
@@ -166,8 +167,8 @@ def _again(
 
 
 def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments of `identify_friction` to repeat a fit: those stored in the fit replace those in
-    `options`."""
+    """Return the arguments of `identify_friction` that repeat a fit: those stored in the fit replace those in
+    `options`. Raises FitError if the fit does not contain the noise that it was given."""
     if fit.noise_known and not fit.noise:
         raise FitError("the fit does not say what noise it was given: make it again")
     predictor, told = getattr(fit.predict, "__self__", None), options.get("noise")
@@ -196,14 +197,15 @@ def bootstrap(
         recordings: recordings of the fit.
         n: number of resampled fits.
         seed: seed of the resampling.
-        options: other arguments of the fit: drive.
+        options: other arguments of `identify_friction` with which the fit was made, such as `drive`.
 
     Returns:
-        Dataset over "sample" with one variable for each parameter, in its unit; its quantiles are the
-        intervals.
+        Dataset over "sample" with one variable for each parameter (free or tied), in its unit; its quantiles
+        are the ends of intervals.
 
     Raises:
-        FitError: the fit is not one of an actuator by `identify_friction`, or cannot be made again.
+        FitError: the fit is not one of an actuator by `identify_friction`, is joint with the stage, or cannot
+            be repeated.
     """
     refuse_joint(fit, "a bootstrap")
     found, settings = recordings_of(recordings), _settings(fit, options)
@@ -238,7 +240,7 @@ def _drawn(p: Parameter, value: float, random: np.random.Generator) -> Parameter
 
 
 def _resampled(r: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
-    """Return n residuals put together from randomly chosen blocks of the residuals r [n]; the block length is
+    """Return n residuals that consist of randomly chosen blocks of the residuals r [n]; the block length is
     n^(1/3), a usual rule, and at least 2."""
     length = max(2, round(r.size ** (1 / 3)))
     begins = random.integers(0, r.size - length, -(-r.size // length))
@@ -255,7 +257,7 @@ def prediction_band(
         fit: fit whose covariance is used.
         slopes: derivatives of the prediction by the coordinates q of the fit, shape (n, k); for the
             recordings of the fit, `fit.jacobian`.
-        level: confidence level.
+        level: confidence level, between 0 and 1.
         observation: True: the band contains a single noisy sample; False: it contains the curve without
             noise.
     """

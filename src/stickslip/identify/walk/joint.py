@@ -14,10 +14,10 @@ the stage's values, q_0 their estimate. Samples that clock jitter affects have l
 the estimate allows for further correlation of the noise in time, as in fits of steps and of walks alone (see
 `coloured`).
 
-There are many minima. The vibration of the contact between jumps is nearly the same at other stiffnesses. If
-the vibration is hardly damped, one of these stiffnesses can describe the noise better than the true value,
-like the highest of many lines of a periodogram. Therefore searches start at several stiffnesses, and the
-intervals include every minimum that the noise does not reject.
+The sum of squares has many local minima, because the vibration of the contact between jumps is nearly the
+same at other stiffnesses. If the vibration is hardly damped, one of these stiffnesses can describe the noise
+better than the true value, like the highest of many lines of a periodogram. Therefore searches start at
+several stiffnesses, and the intervals include every minimum that the noise does not reject.
 """
 
 from __future__ import annotations
@@ -61,12 +61,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-10  # error tolerance of the simulated positions, m
+TOLERANCE = 1e-10  # error tolerance of the simulated positions, m (rad)
 # Range of the search for a stage's value on either side of its estimate, in standard deviations of its prior.
 WIDE = 6.0
-MOST_EVALUATIONS = 200  # of one search
-# The stiffness of the contact, factors of its estimate at which further searches start, and largest number of
-# evaluations of such a search, which nearly all of them do not reach.
+MOST_EVALUATIONS = 200  # largest number of evaluations of one search
+# Further searches start at other stiffnesses of the contact: name of the stiffness (STIFFNESS), factors on
+# its estimate (SPREAD), and largest number of evaluations of such a search (OF_SPREAD), which few of them
+# reach.
 STIFFNESS, SPREAD, OF_SPREAD = "sigma_0", (0.125, 0.25, 0.5, 0.7, 0.9, 1.1, 1.4, 2.0, 4.0), 80
 SAID = "the values of the stage are free too, with what is known of them; drift counts as noise"
 
@@ -112,12 +113,12 @@ def jointly(
     start: Actuator,
     hops: int = 6,
 ) -> Fit:
-    """Fit the friction again with the stage's values free under their prior.
+    """Return a fit of the friction to the same walks with the stage's values free under their prior.
 
     Args:
         fit: fit of `identify_friction` with this stage fixed; its law must have derivatives.
         recordings, drives, slew_rate: arguments of the fit.
-        stage: fit of the stage.
+        stage: fit of the stage by `identify_step`, whose estimate and covariance are the prior.
         start: actuator whose friction is a further initial guess.
         hops: number of attempts to find other local minima, as for `identify_friction`.
 
@@ -156,14 +157,14 @@ def jointly(
 
 
 def _spread(near: Values) -> list[Values]:
-    """Return copies of the values `near` with a softer or stiffer contact, one for each factor in
-    `SPREAD`."""
+    """Return copies of the values `near` (by name, SI) with the stiffness of the contact multiplied by each
+    factor in `SPREAD`."""
     return [{**near, STIFFNESS: near[STIFFNESS] * by} for by in SPREAD]
 
 
 class _Known(NamedTuple):
-    """Prior of the stage's values: their parameters `own`, the `fit` that gave them, and their indices
-    `places` in that fit."""
+    """Prior of the stage's values: their parameters `own`, the `fit` of the stage that gave them, and
+    `places`, the indices of these parameters in that fit."""
 
     own: list[Parameter]
     fit: Fit
@@ -205,7 +206,17 @@ class _Known(NamedTuple):
 
 
 class _Weighted:
-    """Weighted least-squares problem of all walks together with the prior of the stage."""
+    """Weighted least-squares problem of all walks together with the prior of the stage.
+
+    Args:
+        motions: simulation of each recording.
+        measured: measured positions of each recording, m (rad).
+        names: names of the recordings.
+        fit: fit of friction with this stage fixed, for its model, ties and clock jitter.
+        parameters: free parameters of friction, channel and stage.
+        known: prior of the stage.
+        weight: noise model of the positions.
+    """
 
     def __init__(
         self,
@@ -223,14 +234,15 @@ class _Weighted:
         self.varied, self.exchangeable = Varied(fit.model, Ties([*parameters, *fit.beside])), fit.exchangeable
 
     def left(self, values: Values) -> list[Array]:
-        """Return the unweighted residuals, model minus measured, m, one array for each recording."""
+        """Return the unweighted residuals, model minus measured, m (rad), one array for each recording, at
+        these values by name, SI."""
         return [
             observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
         ]
 
     def narrowed(self, left: Sequence[Array]) -> list[Array]:
-        """Return the residuals, m, scaled down where clock jitter makes the noise larger, so that it is
-        uniform."""
+        """Return the residuals `left` of each recording, scaled down where clock jitter makes the noise
+        larger, so that the noise is uniform."""
         return [one.narrowed(r) for one, r in zip(self.jitter, left, strict=True)]
 
     def problem(self, parameters: Sequence[Parameter]) -> Problem:
@@ -286,7 +298,7 @@ class _Weighted:
         """
         ends = [self.search(begins[0])]
         for begin in begins[1:]:
-            with suppress(FitError):  # the model cannot be simulated at this initial guess
+            with suppress(FitError):  # some initial guesses have no simulation
                 ends.append(self.search(begin, most=OF_SPREAD))
         found = lowest(ends)
         if hops or not found.converged:
@@ -309,8 +321,8 @@ class _Weighted:
         return with_coloured_noise(found, coloured(found.residuals[:-1], walks=True), known=1)
 
     def weighed(self, left: Sequence[Array], drift: float) -> _Weighted:
-        """Return the same problem weighted by the noise of the residuals `left`, with at least this drift,
-        m^2 per sample."""
+        """Return the same problem weighted by the noise of the residuals `left` of each recording, with at
+        least the variance `drift` of the random walk per sample, m^2 (rad^2)."""
         other = copy(self)
         other.weight = Weight.of(left, drift)
         return other
@@ -340,8 +352,9 @@ class _Weighted:
         return ByKnown({DRIVE: gain}, dict.fromkeys(values, np.zeros(len(fit.jacobian))))
 
     def told(self, found: Fit, before: Fit, slew_rate: float | None) -> Fit:
-        """Return the weighted fit `found` as a fit of the positions: with unweighted residuals and goodness
-        of fit [m], and all else from the fit `before`."""
+        """Return the weighted fit `found` as a fit of the positions: values, uncertainty and minima of
+        `found`, its unweighted residuals [m] and goodness of fit, and all else (noise, ties) from the fit
+        `before`."""
         left = self.left(found.values)
         by = slopes_of(self.motions, self.varied, [p.name for p in self.parameters])(found.values)
         model = with_values(before.model, own_values(found.values))

@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 
 
 class Tabulated(NamedTuple):
-    """A drive signal with its segment table computed once, because simulations of ensembles ask for it
-    repeatedly; `duration` in s."""
+    """A drive signal with a segment table that was computed once, because simulations of ensembles need the
+    table repeatedly. Fields: the `table`, its `duration` [s], and the `unit` of the drive."""
 
     table: Drive
     duration: float
@@ -53,14 +53,12 @@ class Tabulated(NamedTuple):
 
 class Sums(NamedTuple):
     """Sums over the samples of all recordings, for members (simulations with different values) and nodes
-    (tabulated delays).
+    (tabulated delays). Sums are NaN for members that cannot be simulated.
 
     Attributes:
         products: sums of the products of the residuals at each two nodes, m^2, shape (members, nodes, nodes).
         sums: sums of the residuals at each node, m, shape (members, nodes).
         size: number of samples.
-
-    Both are NaN for members that cannot be simulated.
     """
 
     products: Array
@@ -79,13 +77,16 @@ class Sums(NamedTuple):
 
 
 class SimulatedWalks:
-    """Recordings of one actuator, simulated for many sets of its values (members).
+    """Recordings of one actuator, to be simulated for many sets of its values (members).
+
+    Attributes `nodes` and `grid` are the delays [s] at which residuals are computed, and over which the
+    likelihood is summed.
 
     Args:
-        motions, measured: simulation and positions [m] of each recording.
+        motions, measured: simulation and measured positions [m] of each recording.
         model: the actuator whose values the members vary.
         delay: estimated delay, s, and its standard error, which is 0 if the delay is not free.
-        ties: expressions of the tied values.
+        ties: expressions of the tied values; None: no values are tied.
 
     Raises:
         FitError: delay or offset is tied, or another parameter is tied to one of them. They have no fixed
@@ -113,7 +114,7 @@ class SimulatedWalks:
         self.grid = estimate + (np.linspace(-REACH, REACH, GRID) * error if free else np.zeros(1))
         self._read = []
         for motion in motions:
-            # The position at a negative time equals the position at rest, at t = 0.
+            # The motion starts at t = 0; at earlier times the position is that at rest.
             wanted = np.maximum(motion.time - self.nodes[:, None], 0.0)
             times, place = np.unique(np.append(0.0, wanted), return_inverse=True)
             drive: Any = Tabulated(motion.drive, float(times[-1]))
@@ -127,8 +128,8 @@ class SimulatedWalks:
         return np.asarray(scipy.interpolate.make_interp_spline(self.nodes, np.eye(self.nodes.size))(delay))
 
     def __call__(self, own: Mapping[str, Array], count: int) -> Sums:
-        """Simulate `count` members with the values `own` of the actuator (arrays [members] by name, SI) and
-        return the sums of their residuals."""
+        """Simulate `count` members and return the sums of their residuals (simulated minus measured). `own`
+        are the values of the actuator that differ between members: arrays [members] by name, SI."""
         k, size = self.nodes.size, sum(x.size for x in self.measured)
         found = Sums(np.zeros((count, k, k)), np.zeros((count, k)), size)
         columns = dict(own) or {"load": np.ones(count)}
@@ -153,8 +154,9 @@ class SimulatedWalks:
 
 
 class Eliminated(NamedTuple):
-    """Logarithm of the likelihood integrated over delay and offset, up to a constant, and a random draw of
-    delay [s] and offset [m] from their distribution for each member; shape (members,) each."""
+    """Results for each member, of shape (members,): `log_likelihood`, the logarithm of the likelihood times
+    the priors of delay and offset, integrated over both, up to a constant; and a random draw of `delay` [s]
+    and `offset` [m] from their distribution."""
 
     log_likelihood: Array
     delay: Array
@@ -172,7 +174,7 @@ def eliminated(
 
     Args:
         members: the simulated walks.
-        of: sums over their residuals.
+        of: sums over the residuals of the members.
         variance: variance of the noise, m^2.
         known: parameters "delay" and "offset" with their priors, as far as they are free.
         random: generator of the draws.
@@ -198,8 +200,8 @@ def eliminated(
 
 
 def log_prior(p: Parameter | None, q: Array) -> Array | float:
-    """Return the logarithm of a parameter's prior density at coordinates q, up to a constant; 0 without a
-    prior or if the parameter is not free (None)."""
+    """Return the logarithm of a parameter's prior density at coordinates q, in the shape of q, up to a
+    constant; 0 without a prior or for None (the parameter is not free)."""
     if p is None or p.prior is None:
         return 0.0
     mean, deviation = p.expected

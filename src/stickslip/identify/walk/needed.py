@@ -18,11 +18,11 @@ from ..free import value_of
 from .position_channel import CHANNEL
 from .walks import Walks
 
-# Fewest samples at rest for a test of their mean position, and size of this mean, in standard errors, above
-# which an offset is fitted.
+# FEWEST: fewest samples at rest for a test of their mean position. SURE: size of this mean, in standard
+# errors, above which an offset is fitted.
 FEWEST, SURE = 10, 4.0
-# Ratio of the sums of squares without and with free delay and offset above which the linearised test at the
-# fit without them is not used.
+# Largest ratio of the sums of squares without and with free delay and offset at which the linearised test at
+# the fit without them is used.
 FAR = 2.0
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def shown_at_rest(known: Sequence[KnownNoise], measured: Sequence[Array]) -> lis
 
     Args:
         known: noise of each recording, with its number of samples at rest and its converter step.
-        measured: positions [n] of each recording.
+        measured: positions of each recording, m (rad), [n].
     """
     for noise, position in zip(known, measured, strict=True):
         rest = position[: noise.at_rest]
@@ -60,8 +60,9 @@ def freed(
     which searches end.
 
     Args:
-        searched: function that fits the named parameters from distant initial guesses.
-        near: function that fits the named parameters, starting from the minima of a fit with more parameters.
+        searched: function that takes names of parameters and fits them from distant initial guesses.
+        near: function that takes names of parameters and a fit with more parameters, and fits the named ones,
+            starting from the minima of that fit.
         walks: recordings to describe.
         free: names of the other free parameters.
         taken: names that are free or tied already.
@@ -112,8 +113,8 @@ def freed_near(
 
 
 def _asked_for(fit: Fit, walks: Walks, first: Values, free: Collection[str]) -> list[str]:
-    """Return the names of those of delay and offset, not yet `free`, that have a given initial value in
-    `first` or would lower chi-squared by more than chance."""
+    """Return those of the names "delay" and "offset", not in `free`, that have a given initial value in
+    `first` or would lower chi-squared by more than chance, linearised at `fit`."""
     pairs = zip(fit.residuals, walks.measured, walks.motions, strict=True)
     moving = [-np.gradient(r + x, motion.time) for r, x, motion in pairs]
     slopes = {"delay": np.concatenate(moving), "offset": np.ones(sum(x.size for x in walks.measured))}
@@ -123,7 +124,8 @@ def _asked_for(fit: Fit, walks: Walks, first: Values, free: Collection[str]) -> 
 
 
 def said_free(fit: Fit, names: Sequence[str]) -> str:
-    """Return a sentence on channel parameters that were freed automatically."""
+    """Return a sentence with the names and fitted values of channel parameters that were freed
+    automatically."""
     units = {p.name: p for p in fit.parameters}
     listed = " and ".join(f"{name} = {units[name].shown(fit.values[name], 3)}" for name in names)
     verb = "is" if len(names) == 1 else "are"
@@ -131,8 +133,8 @@ def said_free(fit: Fit, names: Sequence[str]) -> str:
 
 
 def said_kept(fit: Fit, model: Actuator) -> tuple[str, ...]:
-    """Return a tuple with one sentence if Coulomb friction was fitted and stiction followed it at a fixed
-    ratio other than 1; otherwise an empty tuple."""
+    """Return a tuple with one sentence if Coulomb friction was fitted and stiction stayed in a fixed ratio to
+    Coulomb friction, other than 1, as in `model`; otherwise an empty tuple."""
     free = {"stiction_force", "stiction_ratio"} & {*fit.values, *fit.tied}
     if free or "coulomb_force" not in fit.values or "stiction_ratio" not in ratios_of(model.friction):
         return ()

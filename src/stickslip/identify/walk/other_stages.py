@@ -30,8 +30,8 @@ def moved_by(
     drives: Sequence[Waveform | None],
     slew_rate: float | None,
 ) -> Array:
-    """Return the change of the simulated positions, m, with each alternative stage, shape (samples of all
-    walks, stages).
+    """Return the change of the simulated positions, m (rad), with each alternative stage, shape (samples of
+    all walks, stages).
 
     Args:
         fit: fit of the walks.
@@ -49,7 +49,7 @@ def moved_by(
         )
 
     here = positions(fit.model)
-    # A value of the stage that was fitted to the walks themselves stays at its estimate.
+    # Values of the stage that were fitted to the walks themselves stay at their estimates.
     own = {name for name in STAGE_PARAMETERS if name in fit.values}
     return np.column_stack(
         [

@@ -30,12 +30,13 @@ from .displacement import Displacement
 from .several import likely, straightened
 from .walks import Walks
 
-# Exponent of the decay between jumps above which no vibration remains at the next jump; and number of cycles
-# between jumps below which minima are so far apart that other searches find them all.
+# GONE: exponent of the decay between jumps above which no vibration remains at the next jump. FEWEST: number
+# of cycles between jumps below which minima are so far apart that other searches find them all.
 GONE, FEWEST = 3.0, 4.0
-# Search points: largest number on each side of the estimate, half the distance of two minima apart; largest
-# distance from the estimate in the logarithm of the stiffness; evaluations of the short search from each; and
-# largest number of repetitions from a lower minimum.
+# Search points lie half the distance of two minima apart. RUNGS: their largest number on each side of the
+# estimate. REACH: their largest distance from the estimate in the natural logarithm of the stiffness. LOOK:
+# evaluations of the short search from each point. CLIMBS: largest number of rounds, each from a lower
+# minimum.
 RUNGS, REACH, LOOK, CLIMBS = 12, 0.5, 5, 4
 # Number of short searches, from the lowest sum of squares, that are completed.
 FOLLOWED = 2
@@ -64,8 +65,9 @@ def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -
 
 
 def with_other_phases(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
-    """Return the fit, or a better one whose contact vibrates some cycles more or less; other minima that the
-    noise does not reject are in its `minima`.
+    """Return the fit, or a better one whose contact vibrates some cycles more or less between jumps; other
+    minima that the noise does not reject are in its `minima`. The fit is unchanged if the vibration does not
+    last to the next jump, or for fewer than `FEWEST` cycles.
 
     Args:
         fit: fit of the walks.
@@ -94,7 +96,7 @@ def with_other_phases(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
 
 
 def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list[Fit]:
-    """Return fits of short searches at smaller and larger stiffnesses, up to the distance `REACH`.
+    """Return fits of short searches that start at smaller and larger stiffnesses, up to the distance `REACH`.
 
     Args:
         fit: fit at whose values the searches start, except for the stiffnesses.
@@ -112,7 +114,7 @@ def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list
 
 
 def _far(one: Fit, other: Fit, stiffnesses: Sequence[str], least: float) -> bool:
-    """Return True if the sums of the named stiffnesses of two fits differ by more than `least` in the natural
-    logarithm."""
+    """Return True if the natural logarithms of the summed stiffnesses (by the given names) of two fits differ
+    by more than `least`."""
     sums = [sum(fit.values[name] for name in stiffnesses) for fit in (one, other)]
     return abs(math.log(sums[0] / sums[1])) > least

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 OBSERVED = "end_effector_position"
 # Fit parameters of the position channel: delay [s] and offset [m or rad].
 CHANNEL = ("delay", "offset")
-# Default bound of the delay's magnitude, relative to the duration of the shortest recording.
+# Default bound of the delay, positive or negative, relative to the duration of the shortest recording.
 LONGEST_DELAY = 0.02
 # Fewest samples in a period of the stage's vibration; with fewer, slips are not resolved.
 FEWEST_SAMPLES = 1.5
@@ -70,8 +70,14 @@ def warn_of_unseen_slips(recording: xr.Dataset, model: Actuator, where: str) -> 
 def of_channel(
     name: str, recordings: Sequence[xr.Dataset], bounds: Bounds, begin: Mapping[str, float]
 ) -> Parameter:
-    """Return "delay" or "offset" as a fit parameter with bounds for all recordings, given or by default; its
-    initial value is in `begin` by name, otherwise 0."""
+    """Return "delay" [s] or "offset" [m or rad] as one fit parameter of all recordings.
+
+    Args:
+        name: "delay" or "offset".
+        recordings: recordings of walks, which give the default bounds.
+        bounds: the user's bounds by name.
+        begin: initial values by name, SI; 0 if the name is missing.
+    """
     if name == "delay":
         reach = LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in recordings)
         return linear(name, "s", begin.get(name, 0.0), (-reach, reach), bounds)

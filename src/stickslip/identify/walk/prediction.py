@@ -20,14 +20,15 @@ from .position_channel import OBSERVED
 if TYPE_CHECKING:
     import xarray as xr
 
-# Error tolerance [m] of simulations that are compared with a recording: far below any noise.
+# Error tolerance of simulations that are compared with a recording, m (rad): far below any noise.
 TOLERANCE = SIMULATED
 
 
 @record
 class Predictor(NamedTuple):
-    """A model that predicts recordings: an actuator, and the chain of instruments (slew rate of the drive,
-    delay and offset of the position); `tolerance` is the error tolerance of simulations, m."""
+    """A model that predicts recordings: the actuator `model`, and the `chain` of instruments (slew rate of
+    the drive, delay and offset of the position); `tolerance` is the error tolerance of simulations, m
+    (rad)."""
 
     model: Actuator
     chain: Chain = Chain()
@@ -45,11 +46,11 @@ class Predictor(NamedTuple):
         return cls(model, Chain(delay, offset, slew_rate=slew_rate or math.inf), tolerance)
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> NDArray:
-        """Return the predicted position at the recording's samples, m, shape (n,). `drive` is a waveform in
-        the recording's time; without it, the channel drive_voltage is used.
+        """Return the predicted position at the recording's samples, m (rad), shape (n,). `drive` is a
+        waveform in the recording's time; None: the recording's own waveform or its channel drive_voltage.
 
         Raises:
-            RecordingError: the motion cannot be simulated.
+            RecordingError: the motion cannot be simulated, or the recording shows no drive.
         """
         name, chain = names_of([recording])[0], self.chain
         try:

@@ -21,8 +21,8 @@ from .walks import NEAR, Walks
 # Difference of chi-squared above which one of two models with equally many parameters is clearly better:
 # odds of e^5 to 1.
 CLEAR = 10.0
-# Smallest reduction of chi-squared by a search step. With smaller ones the search ends, because it only
-# follows a value that the recordings do not determine.
+# Smallest reduction of chi-squared by a step of the search. With a smaller reduction the search ends, because
+# the step only changes a value that the recordings do not determine.
 SLOW = 1e-3 * CLEAR
 
 
@@ -43,8 +43,8 @@ def with_reaction(fit: Fit, walks: Walks, max_evaluations: int) -> Fit | None:
 
 
 def other_reaction(fit: Fit, walks: Walks, reacts: bool) -> tuple[Walks, list[Parameter]] | None:
-    """Return the walks for a model with (`reacts`) or without the reaction, and its parameters at the values
-    of `fit`; None if the model is such a one already, or has no dynamic stage that can move."""
+    """Return the walks for the model with the reaction (`reacts` is True) or without, and its parameters with
+    the values of `fit`; None if the model is like that already, or has no dynamic stage that can move."""
     model = walks.model
     if model.stage_reaction == reacts or model.static or model.clamped:
         return None
@@ -91,8 +91,8 @@ def with_reaction_asked(fit: Fit, other: Fit | None) -> Fit:
 
 
 def difference(fit: Fit, other: Fit) -> float:
-    """Return by how much chi-squared is lower in `other` than in `fit`, from their likelihoods or, with a
-    robust loss, from their costs."""
+    """Return by how much chi-squared is lower in `other` than in `fit` (negative: higher), from their
+    likelihoods or, with a robust loss, from their costs."""
     if math.isnan(fit.log_likelihood):  # a fit with a robust loss has no likelihood
         return other.n_data * math.log(fit.cost / other.cost)
     return 2.0 * (other.log_likelihood - fit.log_likelihood)

@@ -32,12 +32,12 @@ def from_points(
     max_evaluations: int,
 ) -> Fit:
     """Return the best fit of searches from several initial guesses: short searches from all, completed for
-    the best.
+    the user's and the best ones. Its intervals include other minima that fit as well.
 
     Args:
         walks: recordings to describe.
         parameters: parameters with bounds wide enough for all guesses.
-        begins: initial guesses by name, the user's first.
+        begins: initial guesses (values by name, SI), the user's first.
         given: names whose bounds are the user's; the other bounds are set about the ends of the searches.
         max_evaluations: largest number of evaluations of each search.
     """
@@ -66,7 +66,7 @@ def from_points(
         # `integrated` averages over this minimum later.
         found = [end(fit, _lost(fit)) for fit in kept]
         best = min(found, key=lambda fit: fit.cost)
-        if not _lost(best):  # intervals can include another equally good minimum only after its search ended
+        if not _lost(best):  # intervals include another minimum only if the search for it has ended
             found = [end(fit, not (_lost(fit) and likely(fit, best))) for fit in found]
         return [replace(fit, parameters=tuple(straightened(within, fit.values))) for fit in found]
 
@@ -78,8 +78,8 @@ def _lost(fit: Fit) -> bool:
 
 
 def likely(look: Fit, fit: Fit) -> bool:
-    """Return True if the stopped search `look`, once completed, may have a minimum that fits as well as `fit`
-    within the noise."""
+    """Return True if the stopped search `look`, once completed, may end in a minimum that fits as well as
+    `fit` within the noise: if its chi-squared would then be lower by up to `MAX_FALL`."""
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
     return variance > 0.0 and still_fits((look.cost - fit.cost) / variance - MAX_FALL, len(fit.parameters))
 
@@ -93,8 +93,8 @@ def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:
 
 
 def straightened(parameters: Sequence[Parameter], values: Values) -> list[Parameter]:
-    """Return the parameters with these initial values and with the powers in `POWERS` as search coordinates,
-    along which curved minima are straighter; parameters on a linear scale keep that scale."""
+    """Return the parameters with these initial values (by name, SI) and with powers of the values as search
+    coordinates (see `POWERS`), along which curved minima are straighter. Linear scales stay."""
     return [
         p.starting_at(values[p.name])._replace(power=POWERS.get(p.unit, 0) if p.log else 0)
         for p in parameters

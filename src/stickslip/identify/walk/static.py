@@ -75,8 +75,9 @@ def identify_static_walk(
     Args:
         recordings: with end_effector_position [m].
         model: actuator whose gain is the initial value.
-        drive, slew_rate: as for `identify_friction`.
-        bounds: bounds of gain, delay and offset, in SI.
+        drive: waveform of each recording, or one for all, as for `identify_friction`.
+        slew_rate: rate at which the amplifier follows jumps of a recorded drive, V/s; None: at once.
+        bounds: bounds of gain, delay and offset by name, in SI or as strings.
 
     Returns:
         The fit, which can predict recordings, but has no actuator as `model`.
@@ -108,15 +109,15 @@ def identify_static_walk(
 
 
 class StaticPrediction(NamedTuple):
-    """Prediction of a walk by the static model with the fitted `values` (gain, delay, offset); `slew_rate`
-    [V/s] of recorded jumps as for `identify_static_walk`."""
+    """Prediction of a walk by the static model with the fitted `values` (gain, delay and offset by name, SI);
+    `slew_rate` [V/s] of recorded jumps as for `identify_static_walk`."""
 
     values: Values
     slew_rate: float | None
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
-        """Return the predicted position at the recording's samples, m, shape (n,); `drive` is a waveform, or
-        None for the recorded drive."""
+        """Return the predicted position at the recording's samples, m (rad), shape (n,); `drive` is a
+        waveform in the recording's time, or None for the recorded drive."""
         return _walk(recording, drive, names_of([recording])[0], self.slew_rate)(self.values)
 
 

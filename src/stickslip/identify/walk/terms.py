@@ -31,12 +31,12 @@ STAGE = "a stage with other values than the given ones"
 
 # Stribeck velocities, relative to the model's, at which a Stribeck curve is tried.
 STRIBECK_VELOCITIES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
-# Numbers of waves of a ripple over the walked range that are tried: their spacing, and the largest.
+# Numbers of waves of a ripple over the walked range that are tried: multiples of WAVES_STEP up to MOST_WAVES.
 WAVES_STEP, MOST_WAVES = 0.5, 8.0
 # Bound of the viscous friction force at the fastest motion, relative to the Coulomb force of the contact.
 MOST_VISCOUS = 30.0
-# Bound of the change of the normal force over the walked range, by a ripple, or between directions, relative
-# to the normal force.
+# Largest change of the normal force, relative to the normal force: over the walked range, by a ripple, or
+# between the two directions.
 MOST_CHANGE = 0.9
 
 Array = NDArray[np.float64]
@@ -46,10 +46,10 @@ class Way(NamedTuple):
     """One variant of a missing term, such as a Stribeck curve with one Stribeck velocity.
 
     Attributes:
-        beside: changed values by name of perturbed models, each with a small step in one parameter of the
-            term.
-        start: function that returns the initial guess by name. It takes the estimated change of each
-            parameter as a multiple of its small step, shape (steps,).
+        beside: for each perturbed model the changed values by name, SI; each model has a small step in one
+            parameter of the term.
+        start: function that returns the initial guess by name, SI. It takes the estimated change of each
+            parameter as a multiple of its small step, shape (perturbed models,).
     """
 
     beside: tuple[Values, ...]
@@ -61,9 +61,9 @@ class Term(NamedTuple):
 
     Attributes:
         cause: the term in words.
-        names: parameters that the term frees.
-        ways: variants of the term.
-        bounds: bounds by name, SI; empty: those of a ripple are set about the initial guess, others by
+        names: names of the parameters that the term frees.
+        ways: variants of the term, of which the most promising one is fitted.
+        bounds: bounds by name, SI. If empty, those of a ripple are set about the initial guess, others by
             default.
         untied: names of parameters whose ties the term removes.
     """
@@ -76,8 +76,8 @@ class Term(NamedTuple):
 
 
 class Scales(NamedTuple):
-    """Typical sizes of walks: friction force of the contact [N], largest speed of the end-effector [m/s], and
-    range of its positions in all walks [m]."""
+    """Typical sizes of walks: friction `force` of the contact [N], largest `speed` of the end-effector [m/s],
+    and `way`, the range of its positions in all walks [m]; in N m, rad/s and rad for a rotary actuator."""
 
     force: float
     speed: float
@@ -85,8 +85,8 @@ class Scales(NamedTuple):
 
 
 def scales_of(fit: Fit, walks: Walks) -> Scales:
-    """Return the typical sizes of walks, from the positions simulated by the fit and the friction law of its
-    model."""
+    """Return the typical sizes of walks, from the positions simulated by the fit and from the Coulomb force
+    (or summed strengths) of its law; for another law the force is mass times largest acceleration."""
     model, law = fit.model, fit.model.friction
     found = [r + x for r, x in zip(fit.residuals, walks.measured, strict=True)]
     speeds = [np.gradient(x, motion.time) for x, motion in zip(found, walks.motions, strict=True)]
@@ -121,8 +121,8 @@ def terms_of(fit: Fit, walks: Walks, step: float) -> list[Term]:
 
 
 def _linear(name: str, now: float, size: float, limits: tuple[float, float]) -> Way:
-    """Return the variant that changes one parameter on a linear scale: from its present value `now`, by a
-    small step `size`, within `limits`, all in SI."""
+    """Return the variant of a term that changes only the parameter `name`: from its present value `now`, by a
+    small step `size`, within `limits` (lower, upper), all in SI."""
     low, high = limits
     return Way(({name: now + size},), lambda steps: {name: float(np.clip(now + steps[0] * size, low, high))})
 

@@ -45,8 +45,13 @@ Array = NDArray[np.float64]
 
 
 class Varied:
-    """A function that returns the actuator for given fitted values by name, with tied values computed from
-    them; the last result is cached."""
+    """A function from fitted values (by name, SI) to the actuator with these values and the values tied to
+    them; the last result is cached.
+
+    Args:
+        model: actuator with initial values, of which the others stay.
+        ties: expressions of tied values; None: no values are tied.
+    """
 
     def __init__(self, model: Actuator, ties: Ties | None = None) -> None:
         self.model, self.ties, self._last = model, ties or Ties(()), ({}, model)
@@ -71,7 +76,7 @@ class Walks:
         model: actuator with initial values.
         stage: fit of the stage, whose uncertainty is added; None: the stage is exact.
         ties: expressions of tied parameters, and the fixed values in them.
-        noise: given standard deviation of the positions, m; None: estimated.
+        noise: given standard deviation of the positions, m (rad); None: estimated.
         settled: convergence limit, see `SETTLED`.
         spent: evaluation budget, shared with copies of this problem for other models.
         varied: function that returns the actuator for fitted values.
@@ -122,8 +127,9 @@ class Walks:
         return [p for p in self.ties.beside if p.name not in names]
 
     def cost(self, values: Values) -> float:
-        """Return the sum of squared residuals at these values, divided by the squared given noise (m^2 if
-        none is given); infinite if the model cannot be simulated."""
+        """Return the sum of squared residuals of all walks at these values (by name, SI), divided by the
+        squared given noise, or in m^2 (rad^2) without a given noise; infinite if the model cannot be
+        simulated."""
         try:
             parts = [
                 observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
@@ -140,10 +146,10 @@ class Walks:
 
         Args:
             name: name of the fixed parameter.
-            parameters: all parameters.
-            most: largest number of evaluations.
+            parameters: all free parameters, including the named one.
+            most: largest number of evaluations with derivatives.
             value: value of the fixed parameter, SI.
-            begin: initial guess of the others by name.
+            begin: initial guess of the others by name, SI.
         """
         fixed = [
             p._replace(start=value, fixed=True) if p.name == name else p.starting_at(begin[p.name])
@@ -162,7 +168,7 @@ class Walks:
 
         def residuals(motion: Displacement, position: Array) -> Callable[[Values], Array]:
             def of(values: Values) -> Array:
-                if exact:  # computes position and slopes in one simulation, as accepted points need both
+                if exact:  # one simulation gives position and derivatives; accepted points need both
                     motion.slopes(varied(values), values.get("delay", 0.0), own)
                 return observed(motion, varied, values) - position
 
@@ -195,8 +201,8 @@ class Walks:
         settled: float | None = None,
         **options: Any,
     ) -> Fit:
-        """Search the minimum of the sum of squares and return the fit, whose uncertainty `completed` has to
-        finish.
+        """Search the minimum of the sum of squares and return the fit. Its uncertainty is that of white noise
+        with an exact stage (and of any correlated residuals, if so requested); `completed` adds the rest.
 
         Args:
             parameters: parameters with initial values and bounds.
@@ -206,7 +212,8 @@ class Walks:
         """
         problem = self.problem(parameters)
         problem.budget = self.budget
-        # Numerical derivatives take one further evaluation for each parameter.
+        # `max_evaluations` counts evaluations with derivatives. Numerical derivatives take one further
+        # evaluation for each parameter.
         each = 1 if problem.jacobian else 1 + len(parameters)
         return fit_least_squares(
             problem,
@@ -232,8 +239,8 @@ class Walks:
         return fit
 
     def _with_stage(self, fit: Fit) -> Fit:
-        """Return the fit with the uncertainty propagated from those values of the stage that the fit took as
-        known."""
+        """Return the fit with the uncertainty of the stage's values added, as far as the fit took them as
+        known (linearised)."""
         stage = self.stage
         if stage is None:
             return fit
@@ -272,8 +279,8 @@ def own_values(values: Values) -> Values:
 
 
 def observed(motion: Displacement, varied: Varied, values: Values) -> Array:
-    """Return the simulated samples of the position channel, m, shape (n,), for values of the actuator and of
-    the channel (delay, offset) by name."""
+    """Return the simulated samples of the position channel, m (rad), shape (n,), for values of the actuator
+    and of the channel (delay, offset) by name, SI; tied values follow."""
     values = varied.ties(values)
     return motion.position(varied(values), values.get("delay", 0.0)) + values.get("offset", 0.0)
 
@@ -281,8 +288,9 @@ def observed(motion: Displacement, varied: Varied, values: Values) -> Array:
 def slopes_of(
     motions: Sequence[Displacement], varied: Varied, free: Sequence[str]
 ) -> Callable[[Values], Array]:
-    """Return a function that takes values by name and returns the derivatives of all recordings' residuals by
-    the `free` values, SI, shape (samples of all recordings, free)."""
+    """Return a function that takes values by name, SI, and returns the derivatives of the residuals of all
+    recordings by the values named in `free`, SI, shape (samples of all recordings, free). Tied values count
+    as independent."""
     own = [name for name in free if name not in CHANNEL]
 
     def of(values: Values) -> Array:
@@ -296,8 +304,8 @@ def slopes_of(
 
 
 def columns_of(motion: Displacement, fit: Fit, names: Sequence[str]) -> dict[str, Array]:
-    """Return the derivatives, shape (samples,), of one recording's position at a fit, by the name of the
-    value: the given names, all tied values, delay and offset.
+    """Return the derivatives of one recording's position at a fit, SI, shape (samples,), in a dictionary by
+    the name of the value: the given names, all tied values, delay and offset.
 
     A tied value counts as independent here; `by_values` adds the ties.
     """
@@ -332,7 +340,7 @@ def position_slopes(motions: Sequence[Displacement], fit: Fit, names: Sequence[s
 
 
 def _difference(motion: Displacement, model: Actuator, delay: float, name: str) -> Array:
-    """Return the derivative, shape (samples,), of a position by the named value of the model as a central
+    """Return the derivative of a position by the named value of the model, SI, shape (samples,), as a central
     difference, for models without exact derivatives."""
     value, _ = value_of(model, name)
     sides = [
