@@ -1,5 +1,5 @@
-"""Check that a law's function reads only fields of its record, so that a typing error is found before a
-run."""
+"""Check that the function of a friction law reads only fields that its record has, so that a typing error is
+found when the law is registered and not during a simulation."""
 
 from __future__ import annotations
 

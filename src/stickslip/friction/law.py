@@ -29,13 +29,16 @@ from .fields_read import refuse_unknown_fields
 
 
 class Branches(NamedTuple):
-    """Branches of a law whose rate jumps or has a kink where its state meets a curve. An integration step
-    stays on one branch, smoothly continued, and is cut where it leaves that. This is for laws that are the
-    same in both directions: all functions take the `speed` |v|, its `growth` d|v|/dt and `z` in the direction
-    of sliding.
+    """Branches of a law: regions of speed and state in which its rate is smooth.
 
-    ``choose(law, speed, growth, z) -> 0, 1, 2 or 3``; ``rate(law, speed, z, branch) -> (F, ż)``; ``left(law,
-    speed, growth, z, branch)``, which becomes negative where the branch ends.
+    The rate jumps or has a kink from one branch to the next. An integration step uses the smooth continuation
+    of one branch, and is cut where it leaves the branch. This is for laws that are the same in both
+    directions: all functions take the `speed` |v| [m/s], its `growth` d|v|/dt [m/s^2] and the state `z` in
+    the direction of sliding.
+
+    ``choose(law, speed, growth, z)`` returns the number of the branch, 0 to 3. ``rate(law, speed, z,
+    branch)`` returns (F, ż). ``left(law, speed, growth, z, branch)`` returns a number that becomes negative
+    where the branch ends.
     """
 
     choose: Callable[..., Any]
@@ -127,7 +130,7 @@ def is_smooth(law_type: type) -> bool:
 
 
 def has_branches(law: Any) -> bool:
-    """Return True if the law, or its elements, have branches."""
+    """Return True if the law, or each element of a composed law, has `Branches`."""
     return _implementation(element(law, 0)).branches is not None
 
 
@@ -148,7 +151,8 @@ def _implementation(law: Any) -> _Implementation:
 
 
 def rate(law: Any, v: float, z: float) -> tuple[float, float]:
-    """Return the friction force [N] and the rate of the internal state, for a law of one element.
+    """Return the friction force [N] and the rate ż of the internal state [m/s for a deflection], for a law of
+    one element at the sliding velocity v [m/s] and state z [m].
 
     Raises:
         TypeError: the law is composed (use its elements), or the object is not a law.
@@ -162,7 +166,7 @@ def rate(law: Any, v: float, z: float) -> tuple[float, float]:
 
 
 def breakaway(law: Any) -> float:
-    """Return the largest force [N] of a static law at rest; 0 for the others, which have no true rest."""
+    """Return the largest force [N] of a static law at rest; 0 for other laws, which have no true rest."""
     function = _implementation(law).breakaway
     return function(law) if function else 0.0
 
@@ -182,14 +186,20 @@ def element(law: Any, i: int) -> Any:
 
 
 def project(law: Any, z: float) -> float:
-    """Return the internal state limited to the bounds of the law, for a law of one element."""
+    """Return the internal state z [m], limited to the bounds of the law (unchanged if it has none), for a law
+    of one element."""
     function = _implementation(law).project
     return function(law, z) if function else z
 
 
 def force(law: Any, v: float, z: Any) -> float:
-    """Return the total friction force [N]; `z` contains the internal states (for a static law: the
-    direction)."""
+    """Return the total friction force [N] of any law.
+
+    Args:
+        law: the law.
+        v: sliding velocity, m/s.
+        z: internal states of all elements, [n]; for a static law the direction of sliding, [1]: 1 or -1.
+    """
     total = 0.0
     for i in range(max(elements(law), 1)):
         total += rate(element(law, i), v, z[i])[0]

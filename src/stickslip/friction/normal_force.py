@@ -41,8 +41,8 @@ from ..quantities.units import QuantityError, array_si
 
 @record
 class NormalForce(NamedTuple):
-    """Normal force relative to its reference, along the stroke and by the direction of the friction force,
-    and the exponent of the bristle stiffness."""
+    """Normal force relative to its reference P_0: its change along the stroke and with the direction of the
+    friction force (asymmetry), and the exponent q of the bristle stiffness; see the module."""
 
     slope: Annotated[float, Quantity("1/m", "s", "relative change of the normal force at X = 0")] = 0.0
     power: Annotated[float, Quantity("", "k", "1 of a spring, -2 of a magnet", minimum=-4, maximum=4)] = 1.0
@@ -59,7 +59,7 @@ class NormalForce(NamedTuple):
 
     @property
     def uniform(self) -> NormalForce:
-        """Return the same normal force without variation along the stroke, at the reference."""
+        """Return a copy with the reference force at all positions; exponent and asymmetry are kept."""
         return self._replace(slope=0.0, ripple=0.0)
 
     @property
@@ -86,7 +86,7 @@ class NormalForce(NamedTuple):
         return found
 
 
-# Result where the contact has lifted off.
+# Result of `along` at a position where the contact has lifted off.
 _NOTHING = (math.nan, math.nan, math.nan)
 
 

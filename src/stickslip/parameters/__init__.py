@@ -1,4 +1,5 @@
-"""Parameter sets: TOML files with units and sources, and the references they cite."""
+"""Parameter sets of actuators: TOML files of values with units and sources, and the bibliography that they
+cite."""
 
 from .citations import bibtex as bibtex
 from .citations import citation_keys as citation_keys

@@ -20,7 +20,7 @@ _FILE = Path(__file__).parent / "references.bib"
 
 @cache
 def references() -> dict[str, str]:
-    """Return the BibTeX entry of each key in references.bib."""
+    """Return the BibTeX entries of the package's bibliography (references.bib) by citation key."""
     text = _FILE.read_text(encoding="utf-8")
     return {
         entry[1]: entry[0] for entry in re.finditer(r"^@\w+\{(\w+),.*?^\}", text, re.MULTILINE | re.DOTALL)
@@ -34,7 +34,8 @@ def keys_in(text: str) -> tuple[str, ...]:
 
 
 def bibtex(*keys: str) -> str:
-    """Return the BibTeX entries of citation keys as one text, each once; for an unknown key, a comment."""
+    """Return the BibTeX entries of citation keys as one text, each once; an unknown key gives a comment
+    line."""
     missing = "% [{}] has no entry in the bibliography of stickslip."
     return "\n\n".join(references().get(key, missing.format(key)) for key in dict.fromkeys(keys))
 
@@ -65,7 +66,8 @@ def citation_keys(thing: Any) -> tuple[str, ...]:
     if hasattr(record_type, "_fields"):
         headline = (sys.modules[record_type.__module__].__doc__ or "").partition("\n\n")[0]
         return keys_in(f"{headline} {record_type.__doc__}")
-    if hasattr(thing, "attrs"):  # a recording has its keys in the attribute "citation"
+    # A recording has its citation keys in the attribute "citation".
+    if hasattr(thing, "attrs"):
         return tuple(re.findall(r"\w+", thing.attrs.get("citation", "")))
     raise TypeError(f"a {type(thing).__name__} has no sources to cite")
 

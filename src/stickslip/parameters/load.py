@@ -28,24 +28,26 @@ from ..quantities.units import ANGLE, LENGTH, QuantityError, to_si
 
 T = TypeVar("T")
 
-# Largest size in bytes of a parameter set, a bench or a part; the package's largest file has some 5,000.
+# Largest size, bytes, of a TOML file: a parameter set, a bench, a part. The package's largest has about
+# 5,000.
 MOST_SET_BYTES = 100_000
 
 _SETS = Path(__file__).parent / "sets"
-# Fields of `physics.piezo.Piezo`; each is a table ``[piezo.NAME]`` of a parameter set.
+# Fields of `physics.piezo.Piezo`; a parameter set may have a table ``[piezo.NAME]`` for each.
 PIEZO_PARTS = ("hysteresis", "creep")
 _KINDS = ("actuator", "pulled_slider", "friction")
 _TOP = {"title": str, "citations": list, "kind": str}
 
 
 class ParameterSetError(QuantityError):
-    """A parameter file cannot be found or read, or a value is wrong. The message names file and field."""
+    """Error: a parameter file cannot be found or read, or a value is wrong. The message names file and
+    field."""
 
 
 class SetEntry(NamedTuple):
-    """One value of a parameter set, in `unit`, with its source.
+    """One `value` of a parameter set, in `unit`, as written in its table, with its `symbol` and `source`.
 
-    A value that no source states is `assumed`, for a `reason`. Texts that the file does not give are "".
+    `assumed` is True for a value that no source states; then there is a `reason`. A missing text is "".
     """
 
     value: float | bool | list[float]
@@ -62,7 +64,7 @@ class SetEntry(NamedTuple):
 
 
 class PiezoPart(NamedTuple):
-    """Hysteresis or creep of a piezo as read from a file: name of the model, and its values by field."""
+    """Hysteresis or creep of a piezo as read from a file: name of the `model`, and its `values` by field."""
 
     model: str
     values: dict[str, SetEntry]
@@ -72,8 +74,8 @@ class ParameterSet(NamedTuple):
     """Content of a parameter file.
 
     `name` is the name or path by which it was loaded. `values` are the entries of the actuator by field,
-    `friction` those of the friction law named `law`, and `reported` further numbers of the source. `piezo`,
-    `modes` and `normal_force` are the optional parts of the actuator, empty if the file has none.
+    `friction` those of the law named `law`, and `reported` further numbers of the source. Optional parts are
+    `piezo` ("hysteresis", "creep"), `modes` (further modes) and `normal_force`; empty if the file has none.
     """
 
     name: str
@@ -95,7 +97,7 @@ class ParameterSet(NamedTuple):
         return "rotary" in self.values and self.values["rotary"].value is True
 
     def entries(self) -> dict[str, SetEntry]:
-        """Return all values except the reported ones, by name; those of a part as "friction.sigma_0"."""
+        """Return all entries except reported numbers by name: "gain", and "friction.sigma_0" for a part."""
         found = self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
         for name, part in self.piezo.items():
             found |= {f"piezo.{name}.{field}": entry for field, entry in part.values.items()}
@@ -220,11 +222,11 @@ def _checked(name: str, file: Path, content: dict[str, Any]) -> ParameterSet:
 
 
 def read_entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, SetEntry]:
-    """Return the checked values of a file's tables, by key of the table.
+    """Return the values in tables of a file, by key of the table: value, unit, source and so on of each.
 
     Args:
         file: path of the file, for errors.
-        prefix: names of the tables above, such as "friction.", for errors.
+        prefix: prefix of the tables' names in errors, such as "friction.".
         tables: content of each table by key.
 
     Raises:
@@ -234,7 +236,7 @@ def read_entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, S
 
 
 def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, PiezoPart]:
-    """Return the parts of a piezo in a file, by name, from the content of its table ``[piezo]``."""
+    """Return the parts "hysteresis" and "creep" in a file's table ``[piezo]``. Raises ParameterSetError."""
     parts = {}
     for name, content in table.items():
         if name not in PIEZO_PARTS or not isinstance(content, dict):
@@ -250,9 +252,9 @@ def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, PiezoPart]:
 
 
 def _known(kind: registry.Kind, name: str, file: Path, field: str) -> None:
-    """Check the name of a law or a piezo model. No user's file is executed.
+    """Check that a law or piezo model of this name exists. A user's Python file is not executed.
 
-    `kind` is the registry of laws or of piezo models; `file` and `field` contain the name.
+    `kind` is the registry of laws or piezo models; `file` and `field` are the place of the name, for errors.
 
     Raises:
         ParameterSetError: the name is unknown, or names a Python file that the set may not use.
@@ -268,8 +270,8 @@ def _known(kind: registry.Kind, name: str, file: Path, field: str) -> None:
 
 
 def _run(kind: registry.Kind, name: str, file: Path, field: str) -> Any:
-    """Return a law or a piezo model by name; a user's own file is executed. Arguments and error are those of
-    `_known`."""
+    """Return the class of a law or piezo model by name; a user's Python file is executed. Arguments and error
+    are those of `_known`."""
     try:
         return kind.find(name, file.parent)
     except registry.RegistryError as error:
@@ -304,9 +306,9 @@ def _entry(where: str, table: Any) -> SetEntry:
 
 
 def _with_unit(value: Any, unit: str, si_unit: str) -> Any:
-    """Return a value as `to_si` takes it: a text with its unit, but the bare number if that is the SI unit.
+    """Return a value as the text "VALUE UNIT" for `to_si`, or the bare number if its unit is `si_unit`.
 
-    A bare number needs no import of pint, which is slow. A list gives a list.
+    A bare number needs no import of the package pint, which is slow. A list gives a list, a bool itself.
     """
     if isinstance(value, list):
         return [_with_unit(number, unit, si_unit) for number in value]
@@ -326,14 +328,14 @@ def _numbers(value: Any, unit: str, field: str) -> Any:
 def build(
     record_type: type[T], entries: dict[str, SetEntry], where: str, turns: bool = False, **given: Any
 ) -> T:
-    """Return a record with the values of a parameter set.
+    """Return a record (actuator, law, ...) with the values of a parameter set, converted to SI.
 
     Args:
         record_type: class of the record.
         entries: values with their units and sources, by field.
         where: name of the file, for errors.
-        turns: True if the values have the units of a rotary model.
-        given: values of further fields by name, which the set does not give.
+        turns: True if the values have the units of a rotary model (rad, N m, kg m^2).
+        given: values of fields that are not in `entries`, by name.
 
     Raises:
         ParameterSetError: a field is unknown, missing, of the wrong dimension or out of range.
@@ -362,14 +364,14 @@ def build(
 
 
 def friction_of(parameters: ParameterSet) -> Any:
-    """Return the friction law of a parameter set as a record. Raises ParameterSetError, as `build`."""
+    """Return the friction law of a parameter set as a record, SI. Raises ParameterSetError, as `build`."""
     law = _run(registry.laws, parameters.law, parameters.file, "[friction] law")
     return build(law, parameters.friction, f"{parameters.file}, [friction]", parameters.rotary)
 
 
 def piezo_parts(parameters: ParameterSet) -> dict[str, Any]:
-    """Return the piezo models of a parameter set as records, by field of `Piezo` ("hysteresis", "creep").
-    Raises ParameterSetError, as `build`."""
+    """Return the piezo models of a parameter set as records, by field of `Piezo` ("hysteresis", "creep");
+    empty if the set has none. Raises ParameterSetError, as `build`."""
     return {
         name: build(
             _run(registry.piezos, part.model, parameters.file, f"[piezo.{name}] model"),

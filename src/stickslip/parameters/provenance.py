@@ -1,4 +1,5 @@
-"""Origin of a record's values: a source, an assumption of the parameter set, or a change after loading."""
+"""Origin of the values of a model (a record of an actuator or slider): a source, an assumption of the
+parameter set, or a change after loading."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from .load import ParameterSet
 
 
 def flat(record: Any) -> dict[str, Any]:
-    """Return the values of a record by field, except its name.
+    """Return the values of a record (SI) by field, except the field `name`, as one mapping without nesting.
 
     A nested record gives the name of its type ("friction": "LuGre"), and its fields as "friction.sigma_0".
     """
@@ -27,10 +28,10 @@ def flat(record: Any) -> dict[str, Any]:
 
 
 def changes(record: Any, original: Any) -> dict[str, str]:
-    """Return the fields of a record that differ from the `original`, as it was loaded from a parameter set.
+    """Return the changes of a record since it was loaded from a parameter set as `original`.
 
     Returns:
-        New and old value as a text, by field ("friction.sigma_0").
+        Mapping from field ("friction.sigma_0") to the text "NEW (in the set: OLD)", both values with units.
     """
     before, now = flat(original), flat(record)
     return {
@@ -41,15 +42,15 @@ def changes(record: Any, original: Any) -> dict[str, str]:
 
 
 def unchanged(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
-    """Return the values of a parameter set that a record still has.
+    """Return the values of a record that have not changed since it was loaded from a parameter set.
 
     Args:
-        record: the record.
+        record: the record, an actuator or slider.
         original: the record as it was loaded from the set.
-        parameters: the set.
+        parameters: the set; only fields that its file contains are returned.
 
     Returns:
-        Value with unit as a text, by field ("friction.sigma_0").
+        Mapping from field ("friction.sigma_0") to a text with value and unit.
     """
     before, now = flat(original), flat(record)
     return {
@@ -62,10 +63,10 @@ def unchanged(record: Any, original: Any, parameters: ParameterSet) -> dict[str,
 def assumptions(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
     """Return the values of a record that its parameter set assumes or gives without a source.
 
-    A value that was changed after loading no longer counts. The arguments are those of `unchanged`.
+    Values that were changed after loading are left out. The arguments are those of `unchanged`.
 
     Returns:
-        Value with unit, and the reason, as a text, by field ("friction.sigma_0").
+        Mapping from field ("friction.sigma_0") to a text with value, unit and reason.
     """
     before, now = flat(original), flat(record)
     return {
@@ -78,13 +79,15 @@ def assumptions(record: Any, original: Any, parameters: ParameterSet) -> dict[st
 def _same(a: Any, b: Any) -> bool:
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(map(_same, a, b))
-    if isinstance(a, float) and isinstance(b, float):  # a unit conversion may change the last digit
+    # Values that differ only in the last digit are the same, because a unit conversion may change this digit.
+    if isinstance(a, float) and isinstance(b, float):
         return math.isclose(a, b, rel_tol=1e-12)
     return a == b
 
 
 def _shown(record: Any, field: str) -> str:
-    """Return the value of a field ("friction.sigma_0") with its unit, as text; "none" for None."""
+    """Return a text with the value of a record's field ("friction.sigma_0") and its unit; "none" for None,
+    and "[1 V, 2 V]" for several numbers."""
     value = flat(record).get(field)
     if value is None:
         return "none"

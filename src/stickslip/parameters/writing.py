@@ -17,7 +17,10 @@ from .load import PIEZO_PARTS, load_set
 def parameter_text(
     record: Any, title: str, source: str, errors: Mapping[str, float] | None = None, kind: str = "actuator"
 ) -> str:
-    """Return the TOML text of a parameter set.
+    """Return the TOML text of a parameter set with the values of a record.
+
+    The text contains friction law, piezo models, further modes and normal force of the record, but no
+    citations.
 
     Args:
         record: an actuator, or another record with a friction law, with numbers in SI.
@@ -49,14 +52,17 @@ def _tables(
 ) -> Iterator[str]:
     known = quantities_of(record, owner)
     for field, value in record._asdict().items():
-        if field == "rotary" and not value:  # the default, false, is not written
+        # The value false of the flag `rotary` is the default and is not written.
+        if field == "rotary" and not value:
             continue
         if isinstance(value, bool):
             shown, unit, symbol = str(value).lower(), None, ""
         elif field in known and _finite(value):
             shown = repr([float(one) for one in value]) if isinstance(value, tuple) else repr(float(value))
             unit, symbol = known[field].unit, known[field].symbol
-        else:  # not written here: a name, a part with tables of its own, or a default (None or infinite)
+        # The field is not a value of this table: a name, a part with tables of its own, or a default (None,
+        # infinite).
+        else:
             continue
         yield f"[{prefix}{field}]"
         yield f"value = {shown}"
@@ -75,7 +81,8 @@ def _finite(value: Any) -> bool:
 
 
 def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)  # a basic string of TOML has the syntax of JSON
+    # A text in TOML is quoted and escaped as in JSON.
+    return json.dumps(text, ensure_ascii=False)
 
 
 def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
@@ -83,7 +90,8 @@ def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
 
     Raises:
         FileExistsError: a file with that name exists.
-        ParameterSetError: the written file cannot be read.
+        OSError: the file cannot be written.
+        ParameterSetError: the written file is not a valid parameter set.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -92,7 +100,8 @@ def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
             file.write(text)
     except FileExistsError:
         raise
-    except OSError as error:  # the error of a full disk does not name the file
+    # The error of a full disk does not name the file, so the path is added; the incomplete file is removed.
+    except OSError as error:
         path.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from error
     load_set(path)

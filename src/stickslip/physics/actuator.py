@@ -8,8 +8,8 @@ Stage (its spring is the piezo) and end-effector on it, y and x_e along +x [kang
 
 F_f is the friction force of the stage on the end-effector. The fields select a model of the thesis:
 `stage_reaction` false drops F_f/m (eq. 3.24); an infinite `natural_frequency` makes the stage static, y = C u
-(eq. 1.1, Pohl); a `Coulomb` law makes it Chang and Li's model; `clamped` fixes the end-effector to the stage
-(the step test); frequency and damping are those of the stage with it.
+(eq. 1.1, Pohl); a `Coulomb` law gives Chang and Li's model. `clamped` fixes the end-effector to the stage
+(the step test); natural frequency and damping are then those of the stage with the end-effector.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from .piezo.model import Piezo
 from .stage_modes import StageModes
 from .state_space import StateSpace
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
+STANDARD_GRAVITY = 9.80665  # standard acceleration of gravity g, m/s^2
 
 Mass = Annotated[float, Quantity("kg", "m", "mass", above=0)]
 Stiffness = Annotated[float, Quantity("N/m", "k", "stiffness", above=0)]
@@ -51,13 +51,13 @@ Damping = Annotated[float, Quantity("N s/m", "c", "damping", minimum=0)]
 Force = Annotated[float, Quantity("N", "F_ext", "external force on the end-effector, positive towards +x")]
 
 
-# Properties of both systems. Each class refers to these functions by name, because a NamedTuple cannot
-# inherit from a second base class.
+# Properties that actuator and pulled slider have in common. They are assigned to both classes by name,
+# because a NamedTuple cannot inherit from a second base class.
 
 
 def _source(system: Any) -> ParameterSet | None:
-    """Return the parameter set from which the values of a system come; None if it has no name, or the file no
-    longer exists."""
+    """Return the parameter set named by `name` of an actuator or slider; None without a name, or if the set
+    can no longer be read."""
     try:
         return load_kind(system.name, _KINDS[type(system)]) if system.name else None
     except ParameterSetError:
@@ -66,16 +66,16 @@ def _source(system: Any) -> ParameterSet | None:
 
 @property
 def _assumptions(self: Any) -> dict[str, str]:
-    """Return the values that the source does not print, by field: each with the reason for the assumed value.
-    Empty without a parameter set."""
+    """Return the values that the source does not print, by field ("friction.sigma_0"): a text with the
+    assumed value and the reason. The mapping is empty without a parameter set."""
     parameters = _source(self)
     return assumptions(self, _built(type(self), parameters), parameters) if parameters else {}
 
 
 @property
 def _citation_keys(self: Any) -> tuple[str, ...]:
-    """Return the bibliography keys of the sources: of the parameter set (or else of the model), and of the
-    friction law."""
+    """Return the citation keys of the sources, each once: of the parameter set (without one, of the class),
+    and of the friction law."""
     parameters = _source(self)
     keys = parameters.citations if parameters else citation_keys(type(self))
     return tuple(dict.fromkeys((*keys, *citation_keys(self.friction))))
@@ -83,8 +83,8 @@ def _citation_keys(self: Any) -> tuple[str, ...]:
 
 @property
 def _citation(self: Any) -> str:
-    """Return BibTeX of the sources, with comments on assumed values and on values that were changed since
-    loading."""
+    """Return a text with the BibTeX entries of the sources, and comment lines on assumed values and on values
+    that were changed since the parameter set was loaded."""
     parameters = _source(self)
     lines = [bibtex(*self.citation_keys), ""]
     if parameters is None:
@@ -124,11 +124,11 @@ class Actuator(NamedTuple):
     """A piezoelectric stick-slip actuator [kang2007, sec. 3.4]. All values in SI; unit strings are accepted.
 
     `stage_mass` is the effective mass m = 4 m_p/π² + m_s (see `from_parts`). `incline` is the slope of +x; it
-    changes the weight along x only, not the friction. `piezo`, hysteresis and creep of the stroke under the
-    voltage; None: y = C u at rest. `further_modes` of the stage add their strokes to that of the first.
-    `normal_force` is its change along the stroke; None: it is the same everywhere. `name` is that of the
-    parameter set for `load_actuator`, or empty. `rotary`: positions are angles [rad], forces torques [N m]
-    and masses moments of inertia [kg m^2], also in the friction law. Raises QuantityError for a wrong value.
+    changes the weight along x only, not the friction. `piezo` is the hysteresis and creep of the stroke;
+    None: y = C u at rest. The strokes of `further_modes` are added to that of the first mode. `normal_force`
+    is the change of the normal force along the stroke; None: constant. `name` is that of the parameter set
+    for `load_actuator`, or "". With `rotary`, positions are angles [rad], forces torques [N m], and masses
+    moments of inertia [kg m^2], also in the friction law. Raises QuantityError for a wrong value.
     """
 
     gain: Annotated[float, Quantity("m/V", "C", "stroke per volt at rest")]
@@ -178,7 +178,7 @@ class Actuator(NamedTuple):
             )
 
     def _check_stage(self) -> None:
-        """Raise QuantityError if further modes or a `MaxwellCapacitor` do not fit this stage."""
+        """Raise QuantityError if this stage cannot have its further modes or its `MaxwellCapacitor`."""
         modes = self.further_modes
         if modes is not None and self.static:
             raise QuantityError("Actuator.further_modes need a finite natural_frequency [rad/s] of the first")
@@ -195,14 +195,14 @@ class Actuator(NamedTuple):
 
     @property
     def static(self) -> bool:
-        """Return True if the stage has no dynamics and follows the voltage, y = C u."""
+        """Return True for an infinite natural frequency: the stage follows the voltage at once, y = C u."""
         omega = self.natural_frequency
         return math.isinf(omega) if isinstance(omega, float) else bool(np.all(np.isinf(omega)))
 
     @property
     def two_port(self) -> MaxwellCapacitor | None:
-        """Return the piezo model with an electrical side (voltage and charge, force and displacement); None
-        for any other piezo."""
+        """Return the hysteresis if it is a `MaxwellCapacitor`, a model of voltage and charge, force and
+        displacement; None for any other piezo."""
         hysteresis = self.piezo.hysteresis if isinstance(self.piezo, Piezo) else None
         return hysteresis if isinstance(hysteresis, MaxwellCapacitor) else None
 
@@ -222,12 +222,12 @@ class Actuator(NamedTuple):
 
     @property
     def stage_stiffness(self) -> float:
-        """Return the stiffness k = m ω_n² [N/m], infinite for a static stage."""
+        """Return the stiffness k = m ω_n², N/m (N m/rad if rotary); infinite for a static stage."""
         return self.stage_mass * self.natural_frequency**2
 
     @property
     def stage_damping(self) -> float:
-        """Return the damping c = 2 ζ m ω_n [N s/m], infinite for a static stage."""
+        """Return the damping c = 2 ζ m ω_n, N s/m (N m s/rad if rotary); infinite for a static stage."""
         if self.static:
             return math.inf
         return 2.0 * self.damping_ratio * self.stage_mass * self.natural_frequency
@@ -248,14 +248,15 @@ class Actuator(NamedTuple):
 
     @property
     def axial_force(self) -> float:
-        """Return the force on the end-effector along +x except friction: external force and weight [N]."""
+        """Return the force on the end-effector along +x without friction: external force and weight, N (N
+        m)."""
         return self.external_force - self.end_effector_mass * STANDARD_GRAVITY * np.sin(self.incline)
 
     def state_space(self) -> StateSpace:
-        """Return the linear model of the stage from voltage [V] to position [m], without contact, hysteresis
-        and creep.
+        """Return the linear model of the stage from voltage [V] to position [m or rad], without contact,
+        hysteresis and creep.
 
-        It has a pair of states (m, m/s) for each mode; a static stage has only a gain. A commanded charge
+        Each mode has two states, position and velocity; a static stage has only a gain. A commanded charge
         makes the stage stiffer by its `coupling`.
         """
         stiffer = math.sqrt(self.stiffening)
@@ -328,11 +329,11 @@ class StageParts(NamedTuple):
 
 @record
 class PulledSlider(NamedTuple):
-    """A mass on fixed ground, pulled through a spring whose other end follows the waveform, in metres.
+    """A mass on fixed ground, pulled through a spring whose other end follows the waveform [m].
 
-    It represents a tribometer, or a positioning system with a compliant drive. Friction acts between ground
-    and mass, and so does `damping` (guide, air). `normal_force` is its change along the displacement of the
-    mass.
+    It represents a tribometer, or a positioning system with a compliant drive. Friction and `damping` (guide,
+    air) act between ground and mass. `normal_force` is the change of the normal force along the displacement
+    of the mass; None: constant. All values in SI; unit strings are accepted.
     """
 
     mass: Mass
@@ -369,7 +370,7 @@ def load_actuator(name: str | os.PathLike[str]) -> Actuator:
 
 
 def load_pulled_slider(name: str | os.PathLike[str]) -> PulledSlider:
-    """Return the pulled slider of a parameter set, by its name or by the path of a file; see
+    """Return the pulled slider of a parameter set, by its name or the path of a file; errors as for
     `load_actuator`."""
     return _build(PulledSlider, name)
 
@@ -380,7 +381,7 @@ def _build(system_type: Any, name: str | os.PathLike[str]) -> Any:
     return _built(system_type, load_kind(name, _KINDS[system_type]))
 
 
-@functools.cache  # a file takes milliseconds to read, and the package's files do not change
+@functools.cache  # the package's files do not change, and take milliseconds to read
 def _of_package(system_type: Any, name: str) -> Any:
     return _built(system_type, load_kind(name, _KINDS[system_type]))
 

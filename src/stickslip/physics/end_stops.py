@@ -16,7 +16,8 @@ from ..quantities.units import QuantityError
 
 @record
 class EndStops(NamedTuple):
-    """End stops at the positions `low` and `high` with the same coefficient of restitution."""
+    """End stops at the positions `low` and `high` of the body, m, with the same coefficient of
+    `restitution`: speed after an impact over the speed before, 0 to 1."""
 
     low: Annotated[float, Quantity("m", "x_1", "position of the lower stop")]
     high: Annotated[float, Quantity("m", "x_2", "position of the upper stop")]

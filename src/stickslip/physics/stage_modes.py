@@ -11,10 +11,12 @@ from ..quantities.units import QuantityError
 
 @record
 class StageModes(NamedTuple):
-    """Further modes of the stage: their contributions to the position under the contact, one entry per mode.
+    """Further modes of the stage, one entry per mode; their displacements add to the stage's position at the
+    contact.
 
-    `mass` determines the acceleration of a mode by a contact force; if empty, the force does not act on the
-    modes.
+    `gain` [m/V] is the displacement per volt at rest. `mass` [kg] is the effective mass on which the contact
+    force acts; if empty, the force does not act on these modes. For a rotary actuator rad replaces m, kg m^2
+    kg.
     """
 
     gain: Annotated[tuple[float, ...], Quantity("m/V", "C_m", "stroke per volt at rest")]

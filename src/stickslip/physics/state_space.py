@@ -17,10 +17,11 @@ Array = NDArray[np.float64]
 
 
 class StateSpace(NamedTuple):
-    """Matrices of a linear system with an input delay, in SI.
+    """Matrices of a linear system with an input delay (see the module), in SI: inputs are voltages [V],
+    outputs positions [m, or rad].
 
-    Shapes: `a` (states, states), `b` (states, inputs), `c` (outputs, states), `d` (outputs, inputs).
-    `delay` in s.
+    Shapes: `a` (states, states), `b` (states, inputs), `c` (outputs, states), `d` (outputs, inputs). `delay`
+    is the delay τ of all inputs, s.
     """
 
     a: Array
@@ -30,8 +31,10 @@ class StateSpace(NamedTuple):
     delay: float = 0.0
 
     def response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Return the frequency response C (jω - A)⁻¹ B + D, with the delay, at frequencies [Hz], shape (n,):
-        complex, m/V, shape (n, outputs, inputs)."""
+        """Return the frequency response (C (jω - A)⁻¹ B + D) exp(-jωτ) at n frequencies [Hz].
+
+        The result is complex, m/V (rad/V for a rotary system), of shape (n, outputs, inputs).
+        """
         s = 2j * np.pi * np.atleast_1d(array_si(frequency, "Hz", "frequency"))
         found = np.broadcast_to(self.d.astype(complex), (s.size, *self.d.shape)).copy()
         if self.a.size:

@@ -19,22 +19,27 @@ import numpy as np
 from ..quantities.records import Quantity
 from .actuator import Actuator
 
-THRESHOLDS = ((1.0, 49.0), (4.0, 44.0), (77.0, 30.0), (300.0, 22.0))  # temperature K, threshold voltage V
-ROOM = THRESHOLDS[-1][0]  # K, temperature at which the values of parameter sets are valid
+# Pairs of temperature, K, and voltage, V, from which positioners start to step at this temperature.
+THRESHOLDS = ((1.0, 49.0), (4.0, 44.0), (77.0, 30.0), (300.0, 22.0))
+# Temperature, K, at which the values of parameter sets are valid.
+ROOM = THRESHOLDS[-1][0]
 KELVIN = Quantity("K", "T", "temperature", minimum=THRESHOLDS[0][0], maximum=ROOM)
 
 
 def stroke_factor(temperature: float | str) -> float:
-    """Return the stroke per volt at a temperature [K] relative to that at 300 K; raise QuantityError outside
-    1 to 300 K."""
+    """Return the ratio of the stroke per volt at a temperature [K] to that at 300 K (see the module).
+
+    Raises:
+        QuantityError: the temperature is outside 1 to 300 K.
+    """
     kelvin = KELVIN.check(temperature, "temperature")
     at, volts = zip(*THRESHOLDS, strict=True)
     return volts[-1] / float(np.interp(math.log(kelvin), np.log(at), volts))
 
 
 def at_temperature(actuator: Actuator, temperature: float | str) -> Actuator:
-    """Return the actuator with its gain (stroke per volt) changed to that at a temperature [K]; the given
-    gain is that at 300 K.
+    """Return a copy of the actuator for a temperature [K]: its gain (stroke per volt), valid at 300 K, is
+    multiplied by `stroke_factor`. All other values are unchanged.
 
     Raises:
         QuantityError: the temperature is outside 1 to 300 K.

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Largest distance of points, as a fraction of the stack's thermal time constant, so that they resolve warming
-# and cooling.
+# Largest interval between two points of the computation, as a fraction of the stack's thermal time constant,
+# so that the points resolve warming and cooling.
 _WARMING = 0.02
 
 _OVER_TIME = {
@@ -117,7 +117,8 @@ def electrical(
     current = np.diff(charge) / step
     stored = 0.5 * np.diff(charge * volts) / step
     mean_loss = float(np.sum(loss * step)) / lasted
-    # Steady temperature rise, K, if the loss did not depend on temperature.
+    # Temperature rise in the steady state, K, that would follow if the loss did not depend on the
+    # temperature.
     steady = stack.thermal_resistance * float(np.sum(cold * step)) / lasted
     left = 1.0 - steady * slope
     found = {
@@ -150,8 +151,16 @@ def electrical(
 
 
 def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Array, Array]:
-    """Return times [s] and voltages [V] of the run as points for linear interpolation; a waveform is
-    approximated within the tolerance [V]."""
+    """Return times [s] and voltages [V] of the run as points for linear interpolation.
+
+    Args:
+        source: recording, whose samples are the points; or waveform, which is approximated.
+        duration: duration of a waveform, s; None: its own.
+        tolerance: largest error of the approximation, V.
+
+    Raises:
+        QuantityError: the source is not as `electrical` requires.
+    """
     if isinstance(source, Mapping):
         return _samples(source)
     if not hasattr(source, "drive"):
@@ -186,8 +195,8 @@ def _closer(times: Array, volts: Array, farthest: float) -> tuple[Array, Array]:
 
 
 def _and_at(times: Array, volts: Array, wanted: Array) -> tuple[Array, Array, Any]:
-    """Return the points (times and voltages) with interpolated points added at the wanted times, and the
-    indices of the wanted times."""
+    """Return times [s] and voltages [V] of the points with interpolated points added at the wanted times, and
+    the indices of the wanted times in them. Raises QuantityError unless these times ascend within the run."""
     if wanted.ndim != 1 or not wanted.size or not np.all(np.diff(wanted) > 0.0):
         raise QuantityError("times [s] must be a list of numbers that ascend")
     if not (times[0] <= wanted[0] and wanted[-1] <= times[-1]):
@@ -223,8 +232,8 @@ def _samples(recording: Any) -> tuple[Array, Array]:
 
 
 def _held(values: Array) -> Array:
-    """Return values of intervals [n - 1] as values at their starts [n]; the last point gets the value of the
-    last interval."""
+    """Return values [n] at n points from the values of the n - 1 intervals between them: each point gets the
+    value of the interval that starts there, and the last point that of the last interval."""
     return np.append(values, values[-1])
 
 
@@ -232,11 +241,11 @@ def _warmed(step: Array, power: Array, stack: Stack, slope: float, first: float)
     """Return the temperature of a stack above its surroundings at each point, K, [n].
 
     Args:
-        step: lengths of the intervals, s, [n - 1].
-        power: loss in each interval if the stack had its reference temperature, W.
+        step: durations of the intervals between the points, s, [n - 1].
+        power: loss in each interval if the stack had its reference temperature, W, [n - 1].
         stack: thermal resistance and heat capacity.
-        slope: increase of the loss with temperature, as a fraction of `power`, 1/K.
-        first: factor of the loss at the temperature of the surroundings.
+        slope: increase of the loss per kelvin, as a fraction of `power`, 1/K.
+        first: ratio of the loss at the temperature of the surroundings to `power`.
     """
     rate = 1.0 / stack.time_constant - slope * power / stack.heat_capacity
     left = np.exp(-rate * step)

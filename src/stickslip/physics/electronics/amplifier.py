@@ -44,7 +44,9 @@ _RATE = Quantity("Hz", "f", "samples of the input per second", above=0)
 @record
 class Amplifier(NamedTuple):
     """Amplifier that charges a piezo: gain, output range, bandwidth, slew rate and currents; see the module.
-    `bandwidth` is the small-signal one (-3 dB) without a load."""
+
+    `bandwidth` is that of small signals (-3 dB) without a load. An infinite value means: no such limit.
+    """
 
     gain: Annotated[float, Quantity("", "G", "voltage gain", above=0)]
     offset: Annotated[float, Quantity("V", "u_0", "output at input zero")]
@@ -81,7 +83,8 @@ class Amplifier(NamedTuple):
 
 
 def small_signal_bandwidth(amplifier: Amplifier, capacitance: float | str) -> float:
-    """Return the small-signal bandwidth (-3 dB) into a capacitance [F], Hz."""
+    """Return the small-signal bandwidth (-3 dB) of an amplifier with a capacitance [F] as load, Hz; infinite
+    without a lag. Raises QuantityError unless the capacitance is positive."""
     tau = limits(amplifier, CAPACITANCE.check(capacitance, "capacitance")).tau
     return 0.5 / (math.pi * tau) if tau > 0.0 else math.inf
 
@@ -142,7 +145,8 @@ def amplifier_output(
     if asked.ndim != 1 or not asked.size or not np.all(np.isfinite(asked)):
         raise QuantityError(f"volts [V] must be one row of finite values, at least one: {volts!r:.60}")
     targets = np.clip(amplifier.gain * asked + amplifier.offset, amplifier.low, amplifier.high)
-    changes = np.flatnonzero(np.diff(targets, prepend=np.nan))  # the first sample counts as a change
+    # Indices of the samples at which the target changes; the first sample counts as a change.
+    changes = np.flatnonzero(np.diff(targets, prepend=np.nan))
     if of.tau == 0.0 and math.isinf(of.rate) and changes.size > 1:
         raise QuantityError("an amplifier without bandwidth, output resistance and slew rate would jump")
     bounds = np.append(changes / rate, targets.size / rate)

@@ -20,17 +20,20 @@ from ...engine.library import library
 
 Array = NDArray[np.float64]
 
-# _BELOW: relative distance by which the mean square must fall below its limit before the peak current is
-# available again. _SAME: relative rounding of the mean square. _OFTEN: longest time between two checks of the
-# limit, as a fraction of the memory time.
+# _BELOW: fraction of its limit by which the mean square of the current must fall below the limit before the
+# peak current is available again. _SAME: relative error of the mean square that counts as rounding. _OFTEN:
+# longest time between two checks of the limit, as a fraction of the time constant of the mean square
+# (`memory`).
 _BELOW, _SAME, _OFTEN = 1e-9, 1e-12, 1.0 / 32.0
 
 
 class ChargingLimits(NamedTuple):
-    """Limits of an amplifier into a capacitance.
+    """Limits within which an amplifier charges a capacitance.
 
-    Fields: tau [s]; largest slopes with peak and with steady current [V/s]; square of the steady current
-    [A²]; memory time of the mean square [s] (infinite: the peak current never ends); and the capacitance [F].
+    Fields: `tau`, time constant of the lag, s; `rate` and `steady_rate`, largest slopes of the output with
+    the peak and with the steady (rms) current, V/s; `steady_square`, square of the steady current, A²;
+    `memory`, time constant of the mean square of the current, s (infinite: the peak current flows without
+    end); `farad`, capacitance, F.
     """
 
     tau: float
@@ -42,8 +45,8 @@ class ChargingLimits(NamedTuple):
 
 
 def rest(volts: float) -> Array:
-    """Return the state of an amplifier at rest: output [V], mean square of the current [A²], and a flag, here
-    0 (1 while the steady current limits)."""
+    """Return the state of an amplifier at rest with the output `volts`, [3]: output [V], mean square of the
+    current [A²] (0), and a flag that is 1 while the current is limited to the steady one (0)."""
     return np.array([volts, 0.0, 0.0])
 
 
@@ -135,14 +138,19 @@ def _lagged(of, d, gap, s, rate, square, folded, least):
     """
     to_end = True
     bend = gap - s * of.tau
-    if abs(s) > rate and of.tau > 0.0:  # the output lags until the limit is reached
+    # The target is faster than the slope limit, so the output is below the limit only until the time `until`.
+    if abs(s) > rate and of.tau > 0.0:
         until = max(_until_as_fast(of.tau, rate, s, bend), least)
         if until < d:
             d, to_end = until, False
     if not math.isinf(of.memory):
-        if not folded:  # the steady current may be reached: check often, but only while the current increases
+        # The mean square may reach its limit, after which the steady current limits. It is checked often only
+        # while it may increase.
+        if not folded:
             calm = math.sqrt(of.steady_square) / of.farad
-            above = False  # at constant slope the mean square is monotonic
+            # Without a lag the slope is constant and the mean square monotonic, so the end of the part is
+            # enough.
+            above = False
             if of.tau > 0.0:
                 above = abs(gap) >= calm * of.tau * (1.0 - _BELOW)
                 if not above and abs(s) > calm:
@@ -169,12 +177,14 @@ def _lagged(of, d, gap, s, rate, square, folded, least):
 def charged(
     of: ChargingLimits, bounds: Array, values: Array, slopes: Array, state: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Return times [s] and voltages [V] of the output, as points for linear interpolation.
+    """Return times [s] and voltages [V] of an amplifier's output, as points for linear interpolation.
+
+    The target of the output consists of n straight pieces, with jumps between them allowed.
 
     Args:
         of: limits of the amplifier.
-        bounds: times at which pieces of the target start, and the last one ends, s, [n + 1].
-        values, slopes: target at the start of each piece, V, and its slope, V/s, [n].
+        bounds: times at which the pieces start, and at which the last one ends, s, [n + 1].
+        values, slopes: voltage of the target at the start of each piece, V, and its slope, V/s, [n].
         state: state at the start, see `rest`; replaced by that at the end.
         tolerance: largest error of the interpolation, V.
     """

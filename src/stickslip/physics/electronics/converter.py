@@ -15,10 +15,11 @@ Low = Annotated[float, Quantity("V", "u_low", "voltage of the lowest code")]
 High = Annotated[float, Quantity("V", "u_high", "voltage one step above that of the highest code")]
 
 
-# Both classes refer to these functions by name, because a NamedTuple cannot inherit from a second base class.
+# The functions that both classes have in common are assigned by name, because a NamedTuple cannot inherit
+# from a second base class.
 @property
 def _step(converter: Any) -> float:
-    """Return the voltage of the least significant bit, V."""
+    """Return the voltage step of a converter, V: that of the least significant bit."""
     return (converter.high - converter.low) / 2.0**converter.bits
 
 
@@ -36,8 +37,8 @@ def _check(converter: Dac | Adc) -> None:
 class Dac(NamedTuple):
     """A digital-to-analogue converter that holds each value until the next (zero-order hold).
 
-    `gain` is the voltage for the number 1. A converter that `truncates` takes the step at or below the wanted
-    voltage, otherwise the nearest.
+    `gain` is the wanted voltage for the number 1, V. A converter that `truncates` outputs the step at or
+    below the wanted voltage, others the nearest step. `step` is the voltage between two steps, V.
     """
 
     bits: Bits
@@ -55,8 +56,8 @@ class Dac(NamedTuple):
 
 @record
 class Adc(NamedTuple):
-    """An analogue-to-digital converter that rounds to the nearest step and takes at most `max_rate` samples
-    per second."""
+    """An analogue-to-digital converter that rounds to the nearest step (`step`, V) and takes at most
+    `max_rate` samples per second."""
 
     bits: Bits
     low: Low
@@ -70,10 +71,11 @@ class Adc(NamedTuple):
 
 
 def dac_output(dac: Dac, numbers: ArrayLike) -> NDArray[np.float64]:
-    """Return the output voltages [V] of a converter for numbers that a program writes, in the same shape;
-    clipped to its range."""
+    """Return the output voltages [V] of a converter for numbers that a program writes, in the same shape:
+    multiplied by the gain, rounded to a step, and clipped to the converter's range."""
     steps = (array_si(numbers, "", "numbers") * dac.gain - dac.low) / dac.step
-    # A number that was computed from a step may be slightly below this step by rounding.
+    # If a program computes a number from a step's voltage, rounding may make the number slightly too low. So
+    # a small part of a step is added before truncation.
     return _at_steps(dac, np.floor(steps + 1e-6) if dac.truncates else np.rint(steps))
 
 

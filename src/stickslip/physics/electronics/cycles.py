@@ -41,13 +41,14 @@ def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
         values: voltages [n].
 
     Returns:
-        The swing (peak to peak) of each half cycle, V; and for each piece of a path: the index of its half
-            cycle, its start, and its end, both as fractional indices of samples.
+        Four arrays: the swing (peak to peak) of each half cycle, V; and for each piece of a path the index of
+        its half cycle, its start, and its end, the last two as fractional indices of samples.
     """
     swings, which = list[float](), list[int]()
     begins, ends = list[float](), list[float]()
     points = turning_points(values).tolist()
-    # Voltages of the reversal points of open half cycles, and the pieces of the path that leads to each.
+    # Stack of open half cycles: the voltages [V] of their reversal points, and the pieces (start, end) of the
+    # path that leads to each of these points.
     volts, ways = list[float](), list[list[tuple[float, float]]]()
 
     def note(swing: float, way: list[tuple[float, float]]) -> None:
@@ -59,7 +60,8 @@ def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
 
     for before, point in pairwise([points[0], *points] if points else []):
         volts.append(float(values[point]))
-        ways.append([(float(before), float(point))])  # the first path has no length
+        # The path to the first point has no length.
+        ways.append([(float(before), float(point))])
         while len(volts) > 3:
             a, b, c, d = volts[-4:]
             inner = abs(c - b)
@@ -78,8 +80,10 @@ def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
 
 
 def _reached(values: Array, first: int, last: int, level: float) -> float:
-    """Return the fractional index at which a monotonic part of a signal, from sample `first` to `last`,
-    passes a level."""
+    """Return the fractional index at which a signal passes a level, by linear interpolation.
+
+    The signal is monotonic from sample `first` to `last`. A level beyond this part gives the nearer end.
+    """
     way = values[first : last + 1]
     rising = way[-1] >= way[0]
     k = int(np.searchsorted(way if rising else -way, level if rising else -level))
@@ -89,12 +93,12 @@ def _reached(values: Array, first: int, last: int, level: float) -> float:
 
 
 def lost_power(times: Array, values: Array, cycle_loss: Callable[[ArrayLike], Array]) -> Array:
-    """Return the hysteresis loss in each interval between samples, W, [n - 1].
+    """Return the power lost by hysteresis in each interval between samples, W, [n - 1].
 
     Each half cycle has half of the loss of its cycle, spread evenly over the time of its path.
 
     Args:
-        times, values: s and V, [n].
+        times, values: times of the samples, s, and voltages, V, [n].
         cycle_loss: function from the swings of cycles [V] to their losses [J].
     """
     swings, which, begins, ends = half_cycles(values)

@@ -26,10 +26,12 @@ from .lines import PiecewiseLinear, clipped, jumps, lines_of
 
 Array = NDArray[np.float64]
 
-# The response counts as periodic if the drift of all later periods together is at most these fractions: of
-# the tolerance for the voltage, of the squared rms current limit for the mean square of the current.
+# The response counts as periodic if all later periods together would change it by at most these fractions.
+# For the voltage it is a fraction of the tolerance, for the mean square of the current one of the squared rms
+# current limit.
 _SAME_VOLTS, _SAME_SQUARE = 0.02, 1e-4
-_MOST_PERIODS = 100_000  # largest number of periods that `driven_period` computes
+# Largest number of periods that `driven_period` computes until the response repeats.
+_MOST_PERIODS = 100_000
 # Divisor of the tolerance of the lines if the amplifier has a current foldback, whose switching time depends
 # on the lines (docs/decisions/electronics.md).
 _FINER = 8.0
@@ -81,7 +83,8 @@ def driven(
     times, volts, state, repeats = _until_it_repeats(of, asked, tolerance, whole)
     if repeats:
         begin = times[-1][-1]
-        volts[-1][-1] = volts[-1][0]  # makes the repeated period close exactly
+        # The end of the last period is set to its start, so that its repetition has no jump.
+        volts[-1][-1] = volts[-1][0]
         again = _period(times[-1], volts[-1], period)
         return Sequence(Sampled(*_joined(times, volts)), (again, max(duration - begin, SLIVER * begin)))
     left = duration - whole * period
@@ -117,7 +120,8 @@ def driven_period(
 
 
 def _for_lines(of: ChargingLimits, tolerance: float) -> float:
-    """Return the tolerance of the straight lines, V, for an output within `tolerance` [V]."""
+    """Return the tolerance, V, that is used for target and output, so that the result is within `tolerance`
+    [V]: a smaller one if the amplifier has a current foldback (see `_FINER`)."""
     return tolerance / _FINER if math.isfinite(of.memory) else tolerance
 
 
@@ -144,7 +148,7 @@ def _asked(
     of: ChargingLimits, amplifier: Amplifier, waveform: Waveform, duration: float, tolerance: float
 ) -> PiecewiseLinear:
     """Return the target voltage of the amplifier as straight lines over the duration [s], within half of the
-    tolerance [V].
+    tolerance [V]: the waveform, clipped to the amplifier's output range.
 
     Raises:
         QuantityError: the waveform is not in V, or the output would jump.
@@ -154,7 +158,8 @@ def _asked(
     lines = lines_of(waveform.drive(duration), duration, 0.5 * tolerance)
     asked = clipped(lines, amplifier.low, amplifier.high)
     jumped = np.abs(jumps(asked)[0]).max()
-    if _endless(waveform) is not None:  # include the jump at the end of a period
+    # A periodic waveform may also jump at the end of a period.
+    if _endless(waveform) is not None:
         jumped = max(jumped, abs(asked.values[0] - asked.end))
     if of.tau == 0.0 and math.isinf(of.rate) and jumped > tolerance:
         raise QuantityError(
@@ -168,9 +173,14 @@ def _asked(
 def _answer(
     of: ChargingLimits, asked: PiecewiseLinear, state: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Return times [s] and voltages [V] of the amplifier's output for a target; `state` (see `charging.rest`)
-    is replaced by that at the end."""
-    if of.tau == 0.0 and math.isinf(of.rate):  # the output equals the target
+    """Return times [s] and voltages [V] of the amplifier's output for the target `asked`, within `tolerance`
+    [V].
+
+    The array `state` is the state of the amplifier at the start (see `charging.rest`); it is replaced by that
+    at the end.
+    """
+    # An amplifier without lag and slope limit outputs the target.
+    if of.tau == 0.0 and math.isinf(of.rate):
         state[0] = asked.end
         return asked.bounds, np.append(asked.values, state[0])
     return charged(of, *asked[1:], state, 0.5 * tolerance)
@@ -189,8 +199,8 @@ def _until_it_repeats(
         keep: return all periods, not only the last one.
 
     Returns:
-        Times [s] from the start of the first period and voltages [V], an array per period; the state at the
-            end; and True if the response repeats.
+        Times [s] from the start of the first period, and voltages [V], both as lists with an array per
+        period; the state of the amplifier at the end (see `charging.rest`); and True if the response repeats.
     """
     state, times, volts = rest(asked.before), list[Array](), list[Array]()
     period = asked.bounds[-1]
@@ -202,8 +212,9 @@ def _until_it_repeats(
         times.append(t + k * period)
         volts.append(u)
         moved = np.abs(state - before)
-        # A lag and a slope limit do not increase the difference of two outputs, so no later period changes
-        # more; of the missing mean square a fixed share remains in each period.
+        # A lag and a slope limit do not increase the difference of two outputs. So each later period changes
+        # the voltage by at most as much as this one. The mean square approaches its final value
+        # exponentially, with the same factor in each period.
         lacks = -moved[1] / math.expm1(-period / of.memory) if math.isfinite(of.memory) else 0.0
         if moved[0] * (most - k) <= _SAME_VOLTS * tolerance and lacks <= _SAME_SQUARE * of.steady_square:
             return times, volts, state, True
@@ -211,8 +222,8 @@ def _until_it_repeats(
 
 
 def _joined(times: list[Array], volts: list[Array]) -> tuple[Array, Array]:
-    """Return the times and voltages of several parts as one signal; the common point of two parts is kept
-    once."""
+    """Return the times and voltages of several successive parts as one signal. The last point of a part and
+    the first one of the next are the same point, which is kept once."""
     t = np.concatenate([times[0], *(part[1:] for part in times[1:])])
     u = np.concatenate([volts[0], *(part[1:] for part in volts[1:])])
     fresh = np.append(True, np.diff(t) > 0.0)
@@ -220,8 +231,8 @@ def _joined(times: list[Array], volts: list[Array]) -> tuple[Array, Array]:
 
 
 def _period(times: Array, volts: Array, period: float) -> Sampled:
-    """Return one period [s] of times and voltages as a periodic waveform; its end is the start of the next
-    period."""
+    """Return a periodic waveform from times [s] and voltages [V] of one period, whose duration is `period`
+    [s]. The last point is left out, because it is the start of the next period."""
     t = times - times[0]
     within = t < period * (1.0 - SLIVER)
     return Sampled(t[within], volts[within], period=period)

@@ -20,10 +20,11 @@ _DESIGN = {"butterworth": "butter", "chebyshev": "cheby1", "elliptic": "ellip"}
 
 @record
 class Filter(NamedTuple):
-    """A low-pass filter by its family, order and corner frequency.
+    """A low-pass filter by its family, order and corner frequency [Hz].
 
-    The corner is at -3 dB (Bessel: normalised in magnitude), for the Chebyshev and elliptic families at the
-    end of the ripple. `ripple` applies to those two, `attenuation` (of the stop band) to the elliptic one.
+    The gain at the corner is -3 dB for the Butterworth and Bessel families; for the Chebyshev and elliptic
+    families the corner is the end of the pass band. `ripple` [dB] in the pass band applies to the last two
+    families, `attenuation` [dB] of the stop band to the elliptic one. A wrong value raises QuantityError.
     """
 
     order: Annotated[float, Quantity("", "n", "order", minimum=1, maximum=12)]
@@ -45,7 +46,8 @@ class Filter(NamedTuple):
 
 
 def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
-    """Return the second-order sections of the filter at a sample rate [Hz], in SciPy's form.
+    """Return the second-order sections of the digital filter for a sample rate [Hz], an array [sections, 6]
+    as for ``scipy.signal.sosfilt``.
 
     Raises:
         QuantityError: the corner is not below half the sample rate.
@@ -54,7 +56,9 @@ def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
         corner, rate = with_prefix(filter.corner, "Hz"), with_prefix(sample_rate, "Hz")
         raise QuantityError(f"Filter.corner = {corner} must be below half the sample rate, {rate}")
     order = int(filter.order)
-    if filter.family == "bessel":  # SciPy's general function only has the normalisation in phase
+    # SciPy's general function `iirfilter` normalises a Bessel filter by its phase, and not by its gain at the
+    # corner.
+    if filter.family == "bessel":
         made = scipy.signal.bessel(order, filter.corner, norm="mag", output="sos", fs=sample_rate)
     else:
         made = scipy.signal.iirfilter(

@@ -21,8 +21,9 @@ from .strain_gauge import Bandwidth, Drift, NoiseDensity
 class InductiveSensor(NamedTuple):
     """Inductive sensor from position to voltage: a nonlinear curve, bandwidth, delay, noise, drift.
 
-    The curve is a cubic spline through `voltages` at `gaps`; beyond the first and last gap it is constant.
-    `standoff` is the gap at position 0; the gap grows with the position.
+    The curve is a cubic spline through `voltages` [V] at `gaps` [m] between sensor and target; beyond the
+    first and last gap it is constant. `standoff` [m] is the gap at position 0; the gap grows with the
+    position.
     """
 
     gaps: Annotated[tuple[float, ...], Quantity("m", "y", "gaps of the curve", minimum=0)]
@@ -45,13 +46,19 @@ class InductiveSensor(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the sensor's output."""
+        """Return the unit of the sensor's output, "V"."""
         return "V"
 
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Return the sensor's output [n], V, for the position [n], m, sampled at `sample_rate` Hz."""
+        """Return the sensor's output [n], V, for samples of the position [n], m.
+
+        Args:
+            position: samples of the position, m, at equal intervals.
+            sample_rate: their sample rate, Hz.
+            random: generator of noise and drift.
+        """
         gap = np.clip(position + self.standoff, self.gaps[0], self.gaps[-1])
         ideal = scipy.interpolate.CubicSpline(self.gaps, self.voltages)(gap)
         clean = delayed(first_order(ideal, sample_rate, self.bandwidth), sample_rate, self.delay)

@@ -26,7 +26,7 @@ class PositionSensor(NamedTuple):
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Return the position [n], m, unchanged; `sample_rate` and `random` are not used."""
+        """Return the samples of the position [n], m, unchanged; `sample_rate` and `random` are not used."""
         del sample_rate, random
         return position
 
@@ -34,12 +34,14 @@ class PositionSensor(NamedTuple):
 def _counted(
     self: Any, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Return the sensor's output [n] for the position [n], both in its unit: delayed, with noise, rounded to
-    counts.
+    """Return the output [n] of an interferometer (m) or encoder (rad) for samples of the position [n] in this
+    unit.
+
+    The position is delayed, noise is added, and the sum is rounded to a multiple of the resolution.
 
     Args:
-        position: samples of the position.
-        sample_rate: Hz.
+        position: samples of the position, at equal intervals.
+        sample_rate: their sample rate, Hz.
         random: generator of the noise.
     """
     noise = white_noise(position.size, self.noise_density, sample_rate, random)
@@ -49,7 +51,7 @@ def _counted(
 @registry.sensors.add
 @record
 class Interferometer(NamedTuple):
-    """Laser interferometer: its output is the position in whole steps of its resolution."""
+    """Laser interferometer: its output is the position, m, in whole steps of its resolution."""
 
     resolution: Annotated[float, Quantity("m", "δ", "one count", above=0)]
     delay: Annotated[float, Quantity("s", "t_d", "delay", minimum=0)] = 0.0
@@ -66,7 +68,8 @@ class Interferometer(NamedTuple):
 @registry.sensors.add
 @record
 class Encoder(NamedTuple):
-    """Incremental encoder of a rotary stage: its output is the angle in whole steps of its resolution."""
+    """Incremental encoder of a rotary stage: its output is the angle, rad, in whole steps of its
+    resolution."""
 
     resolution: Annotated[float, Quantity("rad", "δ", "one count", above=0)]
     delay: Annotated[float, Quantity("s", "t_d", "delay", minimum=0)] = 0.0

@@ -15,14 +15,17 @@ from ...waveform.drive import Drive
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_COARSE = 64  # a segment of more lines is divided into so many parts, each with its own number of lines
+# Largest number of parts into which a segment of a drive is divided first, each of which then has its own
+# number of lines.
+_COARSE = 64
 
 
 class PiecewiseLinear(NamedTuple):
-    """Straight lines values[k] + slopes[k] (t - bounds[k]) from bounds[k] to bounds[k + 1]; there may be
-    jumps between them.
+    """Piecewise linear voltage: values[k] + slopes[k] (t - bounds[k]) from bounds[k] to bounds[k + 1]; there
+    may be jumps between the lines.
 
-    `before` is the value for t < 0; bounds [s] have one more entry than values [V] and slopes [V/s].
+    `before` is the voltage for t < 0, V. `bounds` [s] has one more entry than `values` [V] and `slopes`
+    [V/s].
     """
 
     before: float
@@ -42,14 +45,20 @@ class PiecewiseLinear(NamedTuple):
 
 
 def lines_of(drive: Drive, duration: float, tolerance: float) -> PiecewiseLinear:
-    """Return straight lines that approximate a drive for 0 <= t < duration [s] within the tolerance [V]."""
+    """Return straight lines that approximate a drive for 0 <= t < duration [s] within the tolerance [V].
+
+    Raises:
+        QuantityError: the approximation would need too many lines.
+    """
     used = (drive.start < duration) & (np.diff(drive.start, append=np.inf) > 0.0)
     start, segment = drive.start[used], np.flatnonzero(used)
     length = np.append(start[1:], duration) - start
     count = _wanted(drive, segment, start, length, tolerance)
     asked = f"duration = {duration:g} s in lines that are off by at most {tolerance:g} V"
     refuse_too_many(float(np.sum(np.abs(count.astype(float)))), asked, 20)
-    for finest in (_COARSE, 0):  # first divide segments of many lines into parts, then the parts into lines
+    # In the first round, segments that need several lines are divided into parts; in the second round, the
+    # parts are divided into lines.
+    for finest in (_COARSE, 0):
         parts = np.minimum(count, finest) if finest else count
         which = np.repeat(np.arange(parts.size), parts)
         place = np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -70,10 +79,10 @@ def _wanted(drive: Drive, segment: Index, start: Array, length: Array, tolerance
     used.
 
     Args:
-        drive: segment table.
+        drive: table of the drive's segments, each a polynomial of time plus harmonics.
         segment: index of the segment of each part.
-        start, length: s, of each part.
-        tolerance: V.
+        start, length: start and duration of each part, s.
+        tolerance: largest error of a line, V.
     """
     c2, c3 = drive.polynomial[segment, 2], drive.polynomial[segment, 3]
     near = start - drive.start[segment]
@@ -87,8 +96,11 @@ def _wanted(drive: Drive, segment: Index, start: Array, length: Array, tolerance
 
 
 def _values(drive: Drive, segment: Index, t: Array) -> Array:
-    """Return the values [V] of a drive at times t [s], each computed by the formula of the given segment,
-    also at its end."""
+    """Return the values [V] of a drive at times t [s], each by the formula of the segment with the given
+    index.
+
+    The formula is also used at the end of a segment, where the drive itself may jump.
+    """
     tau = t - drive.start[segment]
     c0, c1, c2, c3 = drive.polynomial[segment].T
     values = c0 + tau * (c1 + tau * (c2 + tau * c3))
@@ -99,8 +111,8 @@ def _values(drive: Drive, segment: Index, t: Array) -> Array:
 
 
 def _harmonics(drive: Drive, segment: Index) -> Iterator[tuple[Index, Index]]:
-    """Yield, for j = 0, 1, ..., the table rows of the j-th harmonic, and the indices of the entries of
-    `segment` that have one."""
+    """Yield for j = 0, 1, ... the rows of the table ``drive.harmonic`` with the j-th harmonics of segments,
+    and the indices of the entries of `segment` (indices of segments) that have a j-th harmonic."""
     count = np.diff(drive.first)[segment]
     for j in range(int(count.max(initial=0))):
         has = np.flatnonzero(count > j)
@@ -108,8 +120,8 @@ def _harmonics(drive: Drive, segment: Index) -> Iterator[tuple[Index, Index]]:
 
 
 def clipped(lines: PiecewiseLinear, low: float, high: float) -> PiecewiseLinear:
-    """Return straight lines of a voltage clipped to a range [V], with breaks where they enter and leave
-    it."""
+    """Return a piecewise linear voltage clipped to the range `low` to `high` [V], with further breaks where
+    it enters and leaves this range."""
     bounds, values, slopes = lines.bounds, lines.values, lines.slopes
     with np.errstate(divide="ignore", invalid="ignore"):
         crossings = [bounds[:-1] + (limit - values) / slopes for limit in (low, high)]

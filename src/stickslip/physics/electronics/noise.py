@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 def white_noise(
     count: int, density: float, sample_rate: float, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Return white Gaussian noise [count] whose one-sided power spectrum is density² up to half the sample
-    rate.
+    """Return white Gaussian noise [count] whose one-sided power spectral density is density² up to half the
+    sample rate.
 
     Args:
         count: number of samples.
         density: root of the power spectral density, in units of the signal per √Hz.
-        sample_rate: Hz.
+        sample_rate: sample rate, Hz.
         random: generator of random numbers.
     """
     return random.standard_normal(count) * (density * math.sqrt(0.5 * sample_rate))

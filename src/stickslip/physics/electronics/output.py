@@ -17,20 +17,23 @@ from ...waveform.signal import Waveform
 from .amplifier import Amplifier, limits
 from .driven import driven_period
 
-FEWEST = 4  # fewest updates in a period
+# Smallest number of updates of the converter in a period of a drive.
+FEWEST = 4
 _INF = math.inf
 _RATE = Quantity("Hz", "f_DA", "updates per second", above=0)
-_FAR = 1e9  # V, output range, never reached, of an amplifier that limits only the slope
+# End of the output range, V, of an amplifier that represents a slope limit alone; no drive reaches it.
+_FAR = 1e9
 
 
 @record
 class OutputStage(NamedTuple):
     """A converter with a fixed update rate, and an amplifier that charges the piezo.
 
-    The values of a drive are multiples of `step` at the piezo (0: any value), each held until the next update
-    or interpolated linearly; `points` is the largest number in a period. An infinite `update_rate` follows
-    every waveform. A drive keeps within `slew_rate` and `current` (which requires the capacitance,
-    `Stack.load`). With an `amplifier`, a drive is judged by the amplifier's output.
+    The values of a drive are multiples of `step` [V] at the piezo (0: any value), each held until the next
+    update or interpolated linearly; `points` is their largest number in a period. With an infinite
+    `update_rate` there is no converter. A drive keeps within `slew_rate` [V/s] and `current` [A], which
+    requires the `capacitance` [F] (`Stack.load`). With an `amplifier`, the drive at the piezo is the
+    amplifier's output.
     """
 
     update_rate: Annotated[float, Quantity("Hz", "f_DA", "updates per second", above=0, maximum=_INF)] = _INF
@@ -124,8 +127,9 @@ class OutputStage(NamedTuple):
         )
 
     def at_piezo(self, waveform: Waveform) -> Waveform:
-        """Return the voltage at the piezo, after the amplifier or slope limit, under an endless periodic
-        waveform in the periodic state."""
+        """Return the voltage at the piezo for an endless periodic waveform, in the periodic state: the
+        response of the amplifier or, without one, of the slope limit. Raises QuantityError as
+        `driven_period`."""
         if self.amplifier is not None and self.capacitance is not None:
             return driven_period(self.amplifier, waveform, self.capacitance)
         if not math.isfinite(self.slope):
@@ -143,7 +147,8 @@ class OutputStage(NamedTuple):
         if not self.updates:
             return self.at_piezo(waveform)
         low, high = waveform.range()
-        half = 0.5 * self.step  # the nearest step may be beyond the drive's range
+        # The step nearest to a voltage of the drive may be up to half a step beyond the drive's range.
+        half = 0.5 * self.step
         played = self.played(waveform, low - half, high + half)
         count, period = played.times.size, float(waveform.period)  # type: ignore[attr-defined]
         if not FEWEST <= count <= self.points:
@@ -155,12 +160,12 @@ class OutputStage(NamedTuple):
 
 
 def output_of(given: OutputStage | float | str) -> OutputStage:
-    """Return a given output stage, or one with this update rate [Hz] without further limits; raise
-    QuantityError for other values."""
+    """Return a given output stage unchanged; for a number, an output stage with this update rate [Hz] and no
+    further limits. Raises QuantityError for other values."""
     return given if isinstance(given, OutputStage) else OutputStage(_RATE.check(given, "output.update_rate"))
 
 
 def codes_within(step: float, low: float, high: float) -> tuple[float, float]:
-    """Return the numbers (multiples of `step` [V]) of the first and the last converter step from `low` to
-    `high` [V]."""
+    """Return the smallest and the largest integer whose product with `step` [V] is within `low` to `high`
+    [V], except for rounding."""
     return math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)

@@ -25,8 +25,8 @@ _TOP = {"title": str, "citations": list, "kind": str}
 class Part:
     """An amplifier or a stack with the sources of its numbers.
 
-    `record` is the `Amplifier` or `Stack`; `entries` contains value and source of each number as written in
-    the file.
+    `record` is the `Amplifier` or `Stack`, `kind` "amplifier" or "stack", and `entries` contains value and
+    source of each number by field, as written in the file. `citations` are keys of the bibliography.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Part:
 
     @property
     def assumptions(self) -> dict[str, str]:
-        """Return the numbers that no source prints, with the reason, by field."""
+        """Return the numbers that no source prints, by field: a text with value, unit and reason."""
         return {
             field: f"{entry.value} {entry.unit}".rstrip() + f": {entry.reason}"
             for field, entry in self.entries.items()

@@ -33,9 +33,11 @@ TEMPERATURE = Quantity("K", "ϑ", "temperature", minimum=0)
 
 @record
 class Stack(NamedTuple):
-    """Piezo stack: capacitance, losses and thermal data; see the module. `capacitance` and `loss_tangent` are
-    the small-signal values of the data sheet; the current flows into `capacitance_factor` times that
-    capacitance, which may be 1.5 [useurotek2026]."""
+    """Piezo stack: capacitance, losses and thermal data; see the module.
+
+    `capacitance` [F] and `loss_tangent` are the small-signal values of the data sheet. The current of a drive
+    charges `capacitance_factor` times that capacitance; the factor may be 1.5 [useurotek2026].
+    """
 
     capacitance: Annotated[float, Quantity("F", "C", "capacitance at small signals", above=0)]
     loss_tangent: Annotated[float, Quantity("", "tan δ", "loss tangent at small signals", minimum=0)]
@@ -69,9 +71,11 @@ class Stack(NamedTuple):
 
 @record
 class TemperatureDependence(NamedTuple):
-    """Linear dependence of gain and capacitance on temperature, from `low` to `high`.
+    """Linear dependence of gain and capacitance on temperature, from `low` to `high`, K.
 
-    Not valid outside this range: at 4 K the gain is 20 to 30 % of the gain at room temperature [pi2009].
+    `gain` and `capacitance` are their relative changes per kelvin, 1/K, from the values at the `reference`
+    temperature. The dependence is not valid outside the range: at 4 K the gain is 20 to 30 % of the gain at
+    room temperature [pi2009].
     """
 
     reference: Annotated[float, Quantity("K", "ϑ_0", "reference temperature", minimum=0)]
@@ -112,7 +116,7 @@ class TemperatureDependence(NamedTuple):
         return 1.0 + self.capacitance * self._above(temperature)
 
     def _above(self, temperature: float | str | ArrayLike) -> Array:
-        """Return the difference of temperatures [K] from the reference temperature, K; raise QuantityError
+        """Return temperatures [K] minus the reference temperature, K. Raises QuantityError for a temperature
         outside the range."""
         kelvin = array_si(temperature, "K", "temperature")
         if not np.all((kelvin >= self.low) & (kelvin <= self.high)):

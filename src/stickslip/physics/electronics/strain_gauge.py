@@ -38,13 +38,19 @@ class StrainGauge(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the sensor's output."""
+        """Return the unit of the sensor's output, "V"."""
         return "V"
 
     def sense(
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Return the sensor's output [n], V, for the elongation [n], m, sampled at `sample_rate` Hz."""
+        """Return the sensor's output u [n], V, for samples of the elongation ΔL [n], m.
+
+        Args:
+            position: samples of the elongation, m, at equal intervals.
+            sample_rate: their sample rate, Hz.
+            random: generator of noise and drift.
+        """
         ideal = position / self.sensitivity - self.offset
         clean = first_order(ideal, sample_rate, self.bandwidth)
         noise = white_noise(position.size, self.noise_density, sample_rate, random)
