@@ -184,7 +184,7 @@ class ControllerSpec(NamedTuple):
     options: dict[str, Any]
 
     def document(self) -> dict[str, Any]:
-        """Return the specification as JSON data: name, or file and name, of the class, and `options`."""
+        """Return the specification as JSON data: name of the class, origin of a user's own, `options`."""
         return {**registry.controllers.written(self.kind), "options": self.options}
 
     def made(self) -> Any:

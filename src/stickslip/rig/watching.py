@@ -74,8 +74,8 @@ class WatchedRig:
         return getattr(self._rig, "told", lambda runs: {})(runs)
 
     def load(self, volts: Array) -> None:
-        """Load the drive [n], V at the piezo, one value per update; it starts at its first value above 0
-        V."""
+        """Load the drive [n], V at the piezo, one value per update; it starts at its first value other
+        than 0 V."""
         can = self.capabilities
         moving = np.flatnonzero(volts)
         first = int(moving[0]) if moving.size else volts.size

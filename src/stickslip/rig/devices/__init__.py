@@ -1,7 +1,7 @@
-"""Clients of devices, and twins (simulated devices): one folder for each maker, found without a list of
-folders.
+"""Clients of devices, and twins (simulated devices): one folder for each maker.
 
-`__init__.py` of a folder imports its clients. Each registers itself in `registry.rigs` (puts out a drive and
+The package finds the folders by itself, so there is no list of them. `__init__.py` of a folder imports its
+clients. Each registers itself in `registry.rigs` (puts out a drive and
 records) or `registry.positioners` (executes a number of steps), with a description `about`. `twin.py`
 registers twins in `registry.twins`: functions that take stages, seed and clock and return a twin. `README.md`
 is the page of the devices in the documentation.

@@ -33,9 +33,10 @@ MOST_CELLS = 10_000
 class Cell:
     """Settings of one recording of an experiment, and `key`, a hash of these settings.
 
-    `run` is the name of the run in the file, and `values` are the recording's values of the matrix. For a
-    virtual rig, `seed` is the seed of the noise, `repeats` the variation of the contact, and `bench` the name
-    or file of the bench, else "".
+    `name` is the name of the recording and its file, `run` the name of the run in the experiment file.
+    `values` are the recording's values of the matrix, by axis. For a virtual rig, `seed` is the seed of the
+    noise, `repeats` the variation of the contact, and `bench` the name or path of the bench. For a real rig
+    `seed` and `repeats` have no effect, and `bench` is "".
     """
 
     name: str
@@ -65,10 +66,11 @@ def cells(
         file: the experiment file's content.
         folder: folder of the file, for the paths in it.
         laboratory: source of the rig, asked for its capabilities only.
-        read: called with a path; returns the recording there, from which a drive is taken.
+        read: called with the path of a recording from which a drive is taken; returns the recording.
 
     Raises:
-        ValueError: a value is wrong; names the run and the field.
+        ValueError: a value is wrong, there are too many recordings, or two have the same name. The message
+            names the run and the field.
         LimitError, CaptureError: the limits refuse a drive, or a trigger cannot come.
     """
     channels = {name: _channel(name, spec, folder) for name, spec in file.channels.items()}
@@ -95,7 +97,7 @@ def cells(
 
 
 def _asked(run: RunSpec) -> Iterator[tuple[dict[str, float | str], int]]:
-    """Yield the matrix values by axis, and the number of the repeat from 1, of each recording of a run."""
+    """Yield for each recording of a run its values of the matrix, by axis, and its repeat, counted from 1."""
     for values in itertools.product(*run.matrix.values()):
         for repeat in range(1, run.repeats + 1):
             yield dict(zip(run.matrix, values, strict=True)), repeat
@@ -159,14 +161,20 @@ def _name(run: RunSpec, axes: Mapping[str, float | str], repeat: int) -> str:
 
 
 def _repeats(file: ExperimentFile) -> Repeats:
-    """Return the variation of a virtual rig's contact at the first run of a file; none for a real rig."""
+    """Return the state of the series of runs before the first run of a file, with the contact's variation.
+
+    For a real rig there is no variation.
+    """
     if not isinstance(file.rig, VirtualRigSpec):
         return Repeats()
     return Repeats(file.rig.variation, file.rig.seed, file.rig.first_run, file.rig.irregularity)
 
 
 def _in_name(value: float | str) -> str:
-    """Return a value of the matrix as part of a file name: "65V", "0.5Hz", "-3"; "x" if nothing is left."""
+    """Return a value of the matrix as part of a file name, such as "65V", "0.5Hz" or "-3".
+
+    Characters other than letters, digits and ".+-" are left out; "x" is returned if nothing is left.
+    """
     text = value if isinstance(value, str) else f"{value:g}"
     return re.sub(r"[^A-Za-z0-9.+-]", "", text)[:40].strip(".") or "x"
 
@@ -194,7 +202,11 @@ def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str
 
 
 def limits_of(spec: LimitsSpec, actuator: Actuator) -> Limits:
-    """Return the limits of a file; voltages that it does not give are the actuator's, if below 1 MV."""
+    """Return the limits of an experiment file.
+
+    Voltages that the file does not give are those of the actuator, unless its range is unlimited (1 MV or
+    more). Positions may have a unit, m or rad. Raises QuantityError for a wrong value.
+    """
     given = spec.given
     for name in {*given} & {"min_position", "max_position"}:
         given[name] = to_si(given[name], unit_for(actuator, "m"), f"limits.{name}")
@@ -230,16 +242,16 @@ def _capture(run: RunSpec, can: Capabilities, units: Mapping[str, str]) -> Captu
 def drive_of(
     parts: list[PartSpec], axes: Mapping[str, float | str], folder: Path, read: Read = read_recording
 ) -> Waveform:
-    """Return the drive of a run, with one part after the other.
+    """Return the drive of a run as a waveform, V, with one part after the other.
 
     Args:
-        parts: waveforms, or variables of recordings.
-        axes: values that replace $NAME, by name.
+        parts: parts of the drive: waveforms, or variables of recordings.
+        axes: values by name; each replaces $NAME in the parts.
         folder: folder of the experiment file, for the paths in it.
-        read: called with a path; returns the recording there.
+        read: called with the path of a recording; returns the recording.
 
     Raises:
-        QuantityError: a part is wrong; the message has its number.
+        QuantityError: a part is wrong; the message has its index, from 0.
     """
     made = []
     for i, part in enumerate(parts):
@@ -265,5 +277,6 @@ def _waveform(part: PartSpec, axes: Mapping[str, float | str], folder: Path, rea
 
 
 def variables_attribute(file: ExperimentFile, cell: Cell) -> str:
-    """Return the attribute "variables" of a recording, JSON: the values of the matrix and of the file."""
+    """Return the attribute "variables" of a recording: a JSON text with the variables of the file and the
+    recording's values of the matrix, which take precedence, by name."""
     return json.dumps({**file.variables, **cell.values}, ensure_ascii=False)

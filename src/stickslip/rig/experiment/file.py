@@ -1,4 +1,4 @@
-"""Schema of an experiment file. Quantities are numbers in SI units or texts with a unit, "65 V"."""
+"""Schema of an experiment file, in YAML. Quantities are numbers in SI units or texts with a unit, "65 V"."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Count = Annotated[int, Field(ge=1, le=10_000)]
 
 def _known(text: str) -> str:
     path, _ = own_path(text)
-    if not path:  # a user's file is checked once its folder is known
+    if not path:  # a waveform in a user's file is checked later, when the folder of the file is known
         shape(text)
     return text
 
@@ -49,16 +49,18 @@ def _shapes(schema: dict[str, Any]) -> None:
     schema |= {"anyOf": [{"enum": made}, {"pattern": r"\.py:\w+$"}]}
 
 
-# Name of a waveform of the package, or of a user's own in a file beside: "my_waveform.py:Staircase".
+# Name of a waveform of the package, or "my_waveform.py:Staircase" for a class in a file beside the experiment
+# file.
 Shape = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_shapes)]
 
 
 class VirtualRigSpec(Strict):
     """A virtual rig: a bench by name or file, and the seed of its noise and of the variations.
 
-    It runs in real time, or as fast as it can. `variation` is the variation of the contact from run to run,
-    `irregularity` that of the steps within a run. ``irregularity: {}`` gives the values of published stages;
-    without it every step follows the equations.
+    With `real_time` the rig delivers samples as a real rig would, else as fast as they are computed.
+    `variation` is the variation of the contact from run to run, `irregularity` that of the steps within a
+    run. ``irregularity: {}`` gives the values of published stages; without it every step follows the
+    equations.
 
     `first_run` is the number of runs that were made before this file's, so that noise and variation continue
     instead of starting again.
@@ -74,9 +76,10 @@ class VirtualRigSpec(Strict):
 
 
 class OwnRigSpec(Strict):
-    """A rig of a named back end (see `stickslip rigs`) or a user's own, "my_rig.py:MyRig" beside the file.
+    """A rig of a registered back end, or a user's own rig.
 
-    `options` are the arguments of its constructor.
+    `kind` is the name of a back end (see `stickslip rigs`), or "my_rig.py:MyRig" for a class in a file beside
+    the experiment file. `options` are the arguments of its constructor, by name.
     """
 
     kind: str
@@ -85,7 +88,10 @@ class OwnRigSpec(Strict):
     @model_validator(mode="before")
     @classmethod
     def _kind_first(cls, said: Any) -> Any:
-        """Ignore the other fields of an unknown kind: they may be valid for the kind that was meant."""
+        """Return the content `said` of the table "rig"; for an unknown kind only its `kind`.
+
+        The error then names only the unknown kind: the other fields may be valid for the kind that was meant.
+        """
         kind = said.get("kind") if isinstance(said, dict) else None
         known = not isinstance(kind, str) or own_path(kind)[0] or kind in registry.rigs.names()
         return said if known else {"kind": kind}
@@ -128,7 +134,7 @@ class LimitsSpec(fields_of(Limits)):
 class ChannelSpec(Strict):
     """A variable of the recordings: an input of the rig, its calibrations by name or file, and a filter.
 
-    With `zero` the mean before the trigger is subtracted.
+    With `zero` true the mean of the samples before the trigger is subtracted.
     """
 
     input: str
@@ -138,7 +144,10 @@ class ChannelSpec(Strict):
 
 
 class TriggerSpec(fields_of(Trigger, "signal", "edge")):
-    """Trigger of a recording: the channel `signal` crosses `level` (in the channel's unit) on an `edge`."""
+    """Trigger of a recording: the channel `signal` crosses `level`, a quantity in the channel's unit.
+
+    `edge` is the direction: "rising" or "falling".
+    """
 
     level: Quantity
 
@@ -155,9 +164,10 @@ class CaptureSpec(fields_of(Capture, "length", "pre_trigger", "average")):
 
 
 class PartSpec(Strict):
-    """A part of the drive: a waveform (`shape`) with its fields, or a `variable` of a recording (`file`).
+    """A part of the drive: a waveform (name `shape`) with its `fields`, or a variable of a recording.
 
-    The part is cut off after `duration`; by default it is used in full.
+    A recording is given by the path `file` and the name of its `variable`. The part is cut off after
+    `duration` [s]; by default it is used in full.
     """
 
     shape: Shape | None = None
@@ -168,11 +178,11 @@ class PartSpec(Strict):
 
 
 class RunSpec(Strict):
-    """Recordings that differ by the values of a matrix.
+    """A run of the experiment: recordings that differ by the values of a matrix.
 
-    `matrix` has the values of each axis by name. Each combination of values is recorded `repeats` times. In
-    the drive, and in changes of the actuator, $NAME is replaced by the value of the axis NAME, or of the
-    variable NAME of the file. `change` has fields of the actuator that differ in this run.
+    `matrix` has the list of values of each axis by name. Each combination of values is recorded `repeats`
+    times. In the drive, and in changes of the actuator, $NAME is replaced by the value of the axis NAME, or
+    of the variable NAME of the file. `change` has fields of the actuator that differ in this run.
     """
 
     name: Name
@@ -185,9 +195,10 @@ class RunSpec(Strict):
 
 
 class InstrumentSpec(Strict):
-    """An instrument on the control panel that shows or sets variables.
+    """An instrument on the control panel; `variables` are the names of the channels or variables.
 
-    `width` is in twelfths of the panel's width, `height` in rows.
+    A "plotter" and a "display" show channels or variables, an "input" sets variables. `width` is in twelfths
+    of the panel's width, `height` in rows.
     """
 
     kind: Literal["plotter", "input", "display"]
@@ -198,7 +209,11 @@ class InstrumentSpec(Strict):
 
 
 class ExperimentFile(Strict):
-    """Content of an experiment file."""
+    """Content of an experiment file: a rig, an actuator, limits, channels, and the runs to record.
+
+    `variables` are values by name for $NAME in the runs. `save_as` lists the formats in which recordings are
+    exported in addition. `panel` lists the instruments of the control panel.
+    """
 
     title: str
     operator: str = ""
@@ -214,5 +229,5 @@ class ExperimentFile(Strict):
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of experiment files, for editors."""
+    """Return the JSON Schema of experiment files, with which editors check and complete them."""
     return ExperimentFile.model_json_schema()

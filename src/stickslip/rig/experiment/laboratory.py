@@ -32,22 +32,22 @@ from .file import ExperimentFile, OwnRigSpec, VirtualRigSpec
 class Laboratory(Protocol):
     """Source of the rigs that record the cells (recordings) of an experiment file.
 
-    `home` is the origin of positions of all cells.
+    `home` is the common origin of positions of all recordings.
     """
 
     home: Home
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Return the capabilities of the rig for a cell with this actuator; nothing is output."""
+        """Return the capabilities of the rig for a recording with this actuator, without any output."""
         ...
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """Return the rig for a cell.
+        """Return the rig that records a cell. A real rig is the same for all cells.
 
         Args:
-            actuator: the actuator of the cell, for a virtual rig.
+            actuator: the actuator of the cell, which a virtual rig simulates.
             seed: seed of a virtual rig's noise.
-            repeats: variation of a virtual rig's contact.
+            repeats: variation of a virtual rig's contact, and number of its next run.
         """
         ...
 
@@ -57,7 +57,10 @@ class Laboratory(Protocol):
 
 
 class VirtualLaboratory:
-    """Laboratory with a new virtual rig for each cell, all on one bench, computed in this process."""
+    """Laboratory with a new virtual rig for each cell, all on one bench, computed in this process.
+
+    With `real_time` True the rigs deliver samples no sooner than a real rig would.
+    """
 
     def __init__(self, bench: Bench, real_time: bool = False) -> None:
         self._bench, self._real_time = bench, real_time
@@ -69,7 +72,7 @@ class VirtualLaboratory:
         return VirtualRig(actuator, self._bench).capabilities
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """Return a new rig, whose end-effector starts where that of the previous rig has ended."""
+        """Return a new virtual rig, whose end-effector starts where the previous one has ended."""
         made = VirtualRig(actuator, self._bench, seed=seed, repeats=repeats, real_time=self._real_time)
         if self._last is not None:
             made.origin = self._last.origin
@@ -81,14 +84,16 @@ class VirtualLaboratory:
 
 
 class HostedVirtualLaboratory:
-    """Laboratory with virtual rigs in a process of their own, which its clients share.
+    """Laboratory with a virtual rig for each cell, in a process of their own, which several clients may
+    share.
 
     Args:
-        bench: the bench.
-        name: name or file of the bench, for the process.
+        bench: the bench of all rigs.
+        name: name or path of this bench, from which the process loads it.
         real_time: True to deliver samples no sooner than a real rig would.
         link: connection to the process.
-        own: folder of the process if only this laboratory uses it; `close` removes the folder.
+        own: folder of the process if only this laboratory uses it, which `close` then removes; None for a
+            shared process.
     """
 
     def __init__(self, bench: Bench, name: str, real_time: bool, link: Link, own: Path | None = None) -> None:
@@ -100,7 +105,7 @@ class HostedVirtualLaboratory:
         return VirtualRig(actuator, self._bench).capabilities
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """Return the rig for a cell. The process opens it when its first run starts."""
+        """Return the rig that records a cell, which the process opens when its first run starts."""
         device = virtual_device(actuator, self._name, seed, self._real_time, repeats)
         return HostedRig(self._link, device, self.capabilities(actuator))
 
@@ -114,11 +119,15 @@ class HostedVirtualLaboratory:
 class RealLaboratory:
     """Laboratory with one real rig for all cells, owned by a process of its own.
 
-    The actuator, seed and variation of a cell do not change the rig.
+    The actuator, seed and variation of a cell do not change the rig. The rig is opened once for its
+    capabilities and released until something is recorded.
 
     Args:
         device: description of the rig, see `description`.
         link: connection to the process.
+
+    Raises:
+        RigError: the rig does not answer, or another program holds it.
     """
 
     def __init__(self, device: dict[str, Any], link: Link) -> None:
@@ -126,7 +135,7 @@ class RealLaboratory:
         self.home = Home()
         opened = HostedRig(link, self._device)
         self._can, self._said = opened.capabilities, opened.told(1)
-        opened.stop(0.0)  # releases the rig for other programs until something is recorded
+        opened.stop(0.0)  # there is no run: this releases the rig for other programs
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
         """Return the capabilities of the rig, whatever the actuator."""
@@ -156,11 +165,12 @@ def open_laboratory(
         folder: folder of the file, for the paths in it.
         rigs: folder of the process that owns a virtual rig, which then never runs in this process. By
             default a virtual rig in real time gets a new folder. A real rig has its own folder.
-        who: name of this program, shown to others who find the rig in use.
+        who: name of this program, shown to others who find the rig in use; by default it has the user's name.
 
     Raises:
         ParameterSetError: the bench cannot be read.
-        RigError: the process or the rig does not answer.
+        RegistryError: there is no such kind of rig.
+        RigError: the process or the rig does not answer, or another program holds the rig.
     """
     who = who or f"a program of {os.environ.get('USER', 'somebody')}"
     if not isinstance(file.rig, VirtualRigSpec):
@@ -181,7 +191,10 @@ def open_laboratory(
 
 
 def _device(rig: OwnRigSpec, folder: Path) -> tuple[dict[str, Any], Path]:
-    """Return the description of a real rig, and the folder of the process that owns it."""
+    """Return the description of a real rig (see `description`) and the folder of the process that owns it.
+
+    `folder` is the folder of the experiment file, for a user's own rig.
+    """
     made = own_device(registry.rigs.find(rig.kind, folder), rig.options)
     return made, folder_of(" ".join([made["rig"], *(f"{k}={v}" for k, v in sorted(rig.options.items()))]))
 
@@ -192,15 +205,16 @@ def rigs_of(file: ExperimentFile, virtual: Path, folder: Path) -> Path:
     Args:
         file: the experiment file's content.
         virtual: the folder to return if the rig is virtual.
-        folder: folder of the file, for a user's own back end beside it.
+        folder: folder of the experiment file, for a user's own back end beside it.
     """
     return virtual if isinstance(file.rig, VirtualRigSpec) else _device(file.rig, folder)[1]
 
 
 class PlanningLaboratory:
-    """Laboratory that only plans: it knows the rig's capabilities and gives no rig to record with.
+    """Laboratory of an experiment file that only plans: it knows the capabilities but opens no rig to record.
 
-    A real rig is asked for its capabilities once in the lifetime of the program.
+    A real rig is opened briefly for its capabilities, once in the lifetime of the program. Errors are those
+    of `open_laboratory`.
     """
 
     _known: ClassVar[dict[str, Capabilities]] = {}
@@ -220,11 +234,14 @@ class PlanningLaboratory:
             self._bench = load_bench(own_file(file.rig.bench, folder, ".toml"))
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Return the capabilities of the rig for a cell with this actuator."""
+        """Return the capabilities of the rig for a recording with this actuator."""
         return self._can if self._bench is None else VirtualRig(actuator, self._bench).capabilities
 
     def output(self) -> OutputStage:
-        """Return the output stage of the bench; of a real rig only its update rate and voltage step."""
+        """Return the output stage for the design of drives.
+
+        For a virtual rig it is that of the bench. For a real rig only update rate and voltage step are known.
+        """
         if self._bench is not None:
             return self._bench.output()
         return OutputStage(self._can.update_rate, step=self._can.step)

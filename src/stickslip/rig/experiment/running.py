@@ -34,7 +34,10 @@ Watch = Callable[[Cell, Rig], Rig]
 
 
 class Recorded(NamedTuple):
-    """A recording of an experiment: its cell (settings) and its file. `kept` is True if it existed before."""
+    """A recording of an experiment: its cell (settings) and the path of its file.
+
+    `kept` is True if the recording existed before and was not recorded again.
+    """
 
     cell: Cell
     path: Path
@@ -60,7 +63,10 @@ def run_experiment(
         progress: called with the current action and the fraction that is done, from 0 to 1.
         each: called with every cell and its recording, including those that are kept, so that the files need
             not be read again.
-        changes: changes to the file, as for `load_yaml`.
+        changes: changes to the file, texts "FIELD=VALUE" as for `load_yaml`.
+
+    Returns:
+        The recordings in the order of the file.
 
     Raises:
         InputFileError: the file is wrong, a drive exceeds the limits, or a trigger cannot come. Names the
@@ -86,17 +92,17 @@ def record_experiment(
     opened: Callable[[ExperimentFile, Path], Laboratory] = open_laboratory,
     read: Callable[[Path], Any] = read_recording,
 ) -> list[Recorded]:
-    """Record the cells of an experiment file that was already read; see `run_experiment`.
+    """Record the cells of an experiment file that was already read; result and errors as `run_experiment`.
 
     Args:
         file: content of the experiment file.
         folder: folder for the paths in the file.
         out, progress, each: as for `run_experiment`.
-        label: name of the file in errors.
+        label: name of the file in errors and in the log.
         watch: called with each cell and its rig; returns the rig to record from, such as a `WatchedRig`
-            around it.
-        opened: opens the laboratory of the file; see `open_laboratory`.
-        read: reads the recordings from which the file takes drives.
+            around it. By default the rig itself is used.
+        opened: called with file and folder; opens the laboratory, as `open_laboratory`.
+        read: called with a path; returns the recording from which the file takes a drive.
     """
     label = Path(label)
     with driving():
@@ -110,7 +116,7 @@ def record_experiment(
         finally:
             laboratory.close()
     if done:
-        progress(done[-1].cell.name, 1.0)  # raises here if a stop was requested since the last recording
+        progress(done[-1].cell.name, 1.0)  # raises if a stop was requested meanwhile
     return done
 
 
@@ -152,7 +158,10 @@ def _tell(progress: Progress, cell: str, index: int, count: int, _doing: str, pa
 
 
 def read_experiment(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> ExperimentFile:
-    """Return the content of an experiment file, with changes as for `load_yaml`. Raises InputFileError."""
+    """Return the content of an experiment file, checked against the schema, after the given changes.
+
+    `changes` are those of `load_yaml`. InputFileError if the file cannot be read or a field is wrong.
+    """
     return check_experiment(load_yaml(path, changes), path)
 
 
@@ -160,7 +169,7 @@ def check_experiment(content: dict[str, Any], path: str | os.PathLike[str] = "ex
     """Return the content of an experiment file, checked against the schema.
 
     Args:
-        content: content of the YAML file.
+        content: content of the YAML file, fields by name.
         path: name of the file in errors.
 
     Raises:
@@ -218,9 +227,9 @@ def _recorded(
 
 
 def _make_room(out: Path, files: list[Path], log: _Log) -> None:
-    """Move existing files with the names of new recordings to the folder `.bin` of `out`, with a warning.
+    """Move those of `files` that exist to the folder `.bin` of `out`, with a RecordingWarning and a log line.
 
-    They are not deleted, because they may be somebody else's data.
+    They have the names of new files, but are not deleted, because they may be somebody else's data.
     """
     moved = [str(to_bin(out, file.name)) for file in files if os.path.lexists(file)]
     if moved:
@@ -256,7 +265,7 @@ def _measured(
 
 
 def _finished(path: Path, key: str) -> xr.Dataset | None:
-    """Return the recording in a file if it is complete and has the cell's `key`; else None."""
+    """Return the recording in a file; None if it cannot be read or does not have the cell's `key`."""
     if not path.is_file():
         return None
     try:
@@ -267,7 +276,10 @@ def _finished(path: Path, key: str) -> xr.Dataset | None:
 
 
 class _Log:
-    """Log file; a call appends a line with the time. Errors are ignored: they must not end a recording."""
+    """Log file; a call appends a text as a line, with the time (UTC).
+
+    Errors of writing are ignored, because they must not end a recording.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
