@@ -20,25 +20,28 @@ from .storable import storable
 
 FILE = "acts.jsonl"  # name of the log in the folder; it has one JSON line for each action
 MOST_BYTES = 8_000_000  # number of bytes that are read, from the end of the log: about 60,000 actions
-_FIELDS = ("time", "act", "name", "was", "of", "file", "drive", "kind")  # fields of an action; all are texts
+# Fields of an action that are read from the log, all of them texts: time and kind of the action, present and
+# previous name of the run, and further ones that depend on the kind.
+_FIELDS = ("time", "act", "name", "was", "of", "file", "drive", "kind")
 
 
 def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
-    """Append an action on a run to the folder's log, and return the written fields.
+    """Append an action on a run to the folder's log, and return the written fields by name, with `time`, the
+    present time in UTC.
 
     Args:
         folder: folder of the laboratory.
         act: kind of the action, such as "renamed".
         name: name of the run (its path in the folder).
-        more: further fields, such as `was`, the previous name of a renamed run.
+        more: further fields as keyword arguments, such as `was`, the previous name of a renamed run.
 
     Raises:
-        OSError: the log cannot be written.
+        OSError: the log cannot be written, or is not a plain file.
     """
     time = datetime.now(UTC).isoformat(timespec="seconds")
     line = storable({"time": time, "act": act, "name": name, **more})
     path = folder / FILE
-    # A link could lead out of the folder, and writing to a pipe would block.
+    # Only a plain file is written: a link could lead out of the folder, and writing to a pipe would block.
     if path.is_symlink() or (path.exists() and not path.is_file()):
         raise FileExistsError(errno.EEXIST, "no plain file", str(path))
     with path.open("a", encoding="utf-8") as file:
@@ -46,13 +49,15 @@ def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
     return line
 
 
-# For each log that was read: its inode, time of change and size at that time, and its actions.
+# Cache of `read_acts`: for each log that was read, its inode, time of change [ns] and size [bytes] at that
+# time, and its actions.
 _KNOWN: dict[Path, tuple[tuple[int, int, int], list[dict[str, Any]]]] = {}
 _READING = threading.Lock()
 
 
 def read_acts(folder: Path) -> list[dict[str, Any]]:
-    """Return the logged actions of a folder, oldest first, with the present names of the runs.
+    """Return the logged actions of a folder, oldest first, each as a dictionary of the fields in `_FIELDS`
+    that it has. `name` is the present name of the run, after all later renamings.
 
     Damaged lines are left out, and so are all but the last `MOST_BYTES` of the log. If there is no time or
     memory to read the log, the last known actions are returned. Without a readable log the list is empty.
@@ -75,7 +80,7 @@ def read_acts(folder: Path) -> list[dict[str, Any]]:
 
 
 def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
-    """Return the present name of each renamed run by each of its earlier names.
+    """Return a dictionary from each earlier name of a renamed run to its present name.
 
     Args:
         acts: actions as `read_acts` returns them.
@@ -88,7 +93,12 @@ def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
 
 
 def _acts_of(path: Path) -> list[dict[str, Any]]:
-    """Return the actions in a log, oldest first, with the present names of the runs."""
+    """Return the actions in the last `MOST_BYTES` of the log at `path`, oldest first, with the present names
+    of the runs. Damaged lines are left out.
+
+    Raises:
+        OSError, GateError: the log cannot be read.
+    """
     with opened(path) as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(max(size - MOST_BYTES, 0))
@@ -96,7 +106,8 @@ def _acts_of(path: Path) -> list[dict[str, Any]]:
 
 
 def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
-    """Return the actions in the lines of a log; lines that are no valid action are left out."""
+    """Return the actions in the lines of a log, in the same order. A line is left out if it is not JSON, has
+    no valid time, or lacks the text of "act", "name" or, for a renaming, "was"."""
     found = []
     for line in filter(None, lines):
         try:
@@ -105,14 +116,15 @@ def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
             texts = ["act", "name", *(["was"] if one["act"] == "renamed" else [])]
             if all(isinstance(one[key], str) for key in texts):
                 found.append({key: one[key] for key in _FIELDS if isinstance(one.get(key), str)})
-        except (ValueError, TypeError, LookupError):  # the line is not an action
+        except (ValueError, TypeError, LookupError):
             continue
     return found
 
 
 def _with_present_names(acts: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return actions (oldest first), each with the name that its run has after all later renamings."""
-    later: dict[str, str] = {}  # name -> present name, collected from the last action backwards
+    """Return actions (oldest first), with the name that the run has after all later renamings as `name`."""
+    # From each earlier name to the present name, collected from the last action backwards.
+    later: dict[str, str] = {}
     found = []
     for one in reversed(acts):
         was = str(one["name"])

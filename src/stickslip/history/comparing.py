@@ -21,9 +21,14 @@ def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Return the columns and settings in which rows of the index differ.
 
     Settings are compared one by one, under names such as ``variables.voltage`` and ``capture.interval``.
+    Columns that differ between any two runs (name, size, times, links) are left out.
+
+    Args:
+        rows: rows of the index (values by column), with `settings` as JSON text.
 
     Returns:
-        For each name with different values: one value per row, None if the row has no value.
+        Dictionary from each name with different values to the list of one value per row, None if the row has
+            no value.
     """
     flat = flat_rows(rows)
     names = dict.fromkeys(name for one in flat for name in one if name not in _ALWAYS)
@@ -32,11 +37,13 @@ def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
 
 
 def flat_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return each row with its settings as separate columns, under names such as ``capture.interval``."""
+    """Return each row with its `settings` (JSON text) as separate columns, under names such as
+    ``capture.interval`` for nested ones."""
     return [_flat({**row, "settings": json.loads(row.get("settings") or "{}")}) for row in rows]
 
 
-# Columns that are not compared, because they differ between any two runs.
+# Columns that are not compared as a whole: they differ between any two runs, or are compared in parts
+# (settings).
 _ALWAYS = ("name", "changed", "bytes", "begun", "settings", "links")
 
 
@@ -53,27 +60,29 @@ def _flat(content: Any, name: str = "") -> dict[str, Any]:
 class Zero(NamedTuple):
     """New zero of a recording's clock, for a comparison of recordings.
 
-    `event` is the event at the new zero, and `time` [s] is its time on the recording's own clock. Without an
-    event (""), `time` is 0 and the clock stays.
+    `event` is the event at the new zero, `TRIGGER` or `DRIVE`, and `time` [s] is its time on the recording's
+    own clock. Without an event (""), `time` is 0 and the clock stays. `triggered` is True if a trigger
+    started the recording.
     """
 
     time: float
     event: str
-    triggered: bool  # True if the recording was started by a trigger
+    triggered: bool
 
 
 def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:
-    """Choose the zero of each recording's clock, so that corresponding events have the same time.
+    """Return the new zero of each recording's clock, chosen so that corresponding events have the same time.
 
-    If possible, all recordings use the same event: that of the first recording which most of the others have
-    too. `comparable` finds the recordings with this event; only they can be compared with the first.
+    If possible, all recordings use the same event: the one of the first recording that most of the others
+    have, too. A recording without this event uses its own preferred one, or none. `comparable` finds the
+    recordings with the common event; only they can be compared with the first.
     """
     known = [_events(one) for one in recordings]
 
     def shared(event: str) -> int:
         return sum(event in one for one in known) if event in known[0] else -1
 
-    common = max((TRIGGER, DRIVE), key=shared)  # TRIGGER if both are equally frequent
+    common = max((TRIGGER, DRIVE), key=shared)  # if both are equally frequent, this is TRIGGER
     zeros = []
     for one in known:
         event = common if common in one else next(iter(one), "")
@@ -82,29 +91,30 @@ def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:
 
 
 def comparable(zeros: Sequence[Zero]) -> list[bool]:
-    """Return, for each recording, whether its clock has the same event as zero as that of the first.
+    """Return for each zero True if the clock has the same event at zero as the clock of the first recording.
 
-    Differences between recordings whose clocks have other zeros are meaningless.
+    Differences between recordings with different events at zero are meaningless.
     """
     return [zero.event != "" and zero.event == zeros[0].event for zero in zeros]
 
 
 def _events(recording: xr.Dataset) -> dict[str, float]:
-    """Return the events that can be the zero of a clock, with their times [s], the preferred one first."""
+    """Return a dictionary from the events of a recording that can be the zero of its clock to their times
+    [s], the preferred event first; empty if none is known."""
     capture = _capture(recording)
     before, triggered = capture.get("pre_trigger", 0.0), bool(capture.get("trigger"))
     found = {TRIGGER: float(before)} if triggered else {}
     begins = drive_begins(recording)
     if begins is None and capture and not triggered:
-        begins = before  # a capture without a trigger starts this time before the drive, s
+        begins = before  # a capture without a trigger starts `before` seconds earlier than the drive
     if begins is None and ("model" in recording.attrs or recording.attrs.get("source") == "simulation"):
         begins = float(recording["time"][0]) if "drive_voltage" in recording else None
     return found if begins is None else {**found, DRIVE: float(begins)}
 
 
 def _capture(recording: xr.Dataset) -> dict[str, Any]:
-    """Return the settings with which a rig recorded (`rig.Capture`); empty for a user's own file, or if they
-    are damaged."""
+    """Return the settings with which a rig recorded, by the names of the fields of `rig.Capture`, from the
+    attribute "capture"; empty for a user's own file, or if the settings are damaged."""
     try:
         found = load_json(str(recording.attrs.get("capture") or "{}"), "capture")
         float(found.get("pre_trigger", 0.0))
@@ -120,7 +130,9 @@ def on_one_clock(recordings: Sequence[xr.Dataset], channel: str) -> xr.Dataset:
     common zero (`common_zeros`).
 
     Returns:
-        Dataset over "time" [s] and "run": the channel, and `difference` of each from the first, in its unit.
+        Dataset over "run" (in the order of the recordings) and "time" [s]: the channel under its own name,
+        and
+            `difference`, each recording minus the first, in the unit of the channel.
 
     Raises:
         RecordingError: a recording lacks the channel or has another unit, or the recordings have no time in

@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 
 RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt", ".mf4")
 
-MOST_LISTED = 50  # largest number of values of a list in the index; a longer list is replaced by a checksum
+# Largest number of values of a list among the settings in the index; `_brief` replaces a longer list.
+MOST_LISTED = 50
 
-# Files in the folder of a fit or verification: the user's notes and tags; its kind and links to other runs.
+# Names of files in the folder of a fit or verification: the user's notes and tags (NOTE); kind of the run and
+# links to other runs (LINKS).
 NOTE, LINKS = "notes.json", "links.json"
 NOTES = (NOTE, LINKS)
 
@@ -33,9 +35,11 @@ NOTES = (NOTE, LINKS)
 def described(recording: xr.Dataset) -> dict[str, Any]:
     """Return the columns of a recording for the index, except its name, size and time of change.
 
-    The column `settings` has drive, capture, limits, variables of the experiment, the actuator as the file
-    names it, and the properties of the contact that a virtual rig used in the run. For a recording that was
-    read from a user's file it also has the name of that file (`source`).
+    Keys are begun, title, notes, tags, operator, rig, parameter_set, outcome (texts, "" if unknown), seconds
+    (duration), samples, channels, settings, links and, for a prediction, kind. `settings` is a dictionary
+    with drive, capture, limits, variables of the experiment, the actuator as the file names it, and the
+    properties of the contact (`contact`) that a virtual rig used. For a recording from a user's file,
+    `settings` also contains the name of that file (`source`).
     """
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values
@@ -69,11 +73,12 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
 
 
 def described_fit(path: Path) -> dict[str, Any]:
-    """Return the columns of a fit or verification for the index.
+    """Return the columns of a fit or verification for the index: kind, begun, title, notes, tags,
+    parameter_set, outcome, settings (the numbers of the results) and links.
 
-    They come from its results.json and, if the panel made it, from the panel's request in shown.json. The
-    column `links` has the recordings that were fitted, those that verified the fit, and those of steps of the
-    stage.
+    They come from results.json, links.json, notes.json and, if the panel made the fit, from the panel's
+    request in shown.json. `links` are the names of the recordings that were fitted ("fitted"), that verified
+    the fit ("verified"), and that contain steps of the stage ("steps").
 
     Args:
         path: path of the results.json.
@@ -112,6 +117,9 @@ def described_run(path: Path) -> dict[str, Any]:
     Args:
         path: log of the experiment, or the experiment's YAML file if there is no log.
 
+    Returns:
+        The columns title and outcome and, from a log, begun (time of the start).
+
     Raises:
         GateError, InputFileError: the file cannot be read.
     """
@@ -130,10 +138,10 @@ def described_run(path: Path) -> dict[str, Any]:
 
 
 def _mapping(folder: Path, name: str, most: int = MOST_RESULT_BYTES) -> dict[str, Any]:
-    """Return the mapping in a JSON file of a folder, of up to `most` bytes; empty if the file does not exist.
+    """Return the mapping in the JSON file `name` of a folder; empty if the file does not exist.
 
     Raises:
-        GateError: the file cannot be read, or leads out of the folder.
+        GateError: the file cannot be read, is larger than `most` bytes, or leads out of the folder.
         RecordingError: the content is no mapping.
     """
     path = inside(folder, name)
@@ -144,11 +152,11 @@ def _mapping(folder: Path, name: str, most: int = MOST_RESULT_BYTES) -> dict[str
 
 
 def _outcome(phase: str, failures: Any) -> str:
-    """Return the outcome of a fit or verification: its phase, or after its end "complete" or "not as
-    required".
+    """Return the outcome of a fit or verification: its phase or, after its end, "complete" or "not as
+    required:" with the failures.
 
-    The latter means that the model does not explain the data, or that a requirement is not met. The commands
-    use the same words, and then end with an error.
+    "not as required" means that the model does not explain the data, or that a requirement is not met. The
+    commands of the package then print the same words and end with an error.
 
     Args:
         phase: phase of the work in the panel, "done" after its end.
@@ -161,8 +169,8 @@ def _outcome(phase: str, failures: Any) -> str:
 
 
 def _brief(value: Any) -> Any:
-    """Return a JSON value in which each list of more than `MOST_LISTED` values is replaced by a text with its
-    length and checksum."""
+    """Return a JSON value in which each list of more than `MOST_LISTED` values, also a nested one, is
+    replaced by a text with its length and checksum."""
     if isinstance(value, dict):
         return {key: _brief(one) for key, one in value.items()}
     if isinstance(value, list) and len(value) > MOST_LISTED:
@@ -178,7 +186,16 @@ def _read(text: object) -> Any:
 
 
 def described_set(path: Path) -> dict[str, Any]:
-    """Return the columns of a parameter set for the index; `links` has the fits that its values come from."""
+    """Return the columns of a parameter set for the index: title, parameter_set (the name of the file),
+    outcome, settings (texts of value and unit by name) and links ("fit": the names of the fits that its
+    values come from).
+
+    Args:
+        path: path of the set's TOML file.
+
+    Raises:
+        ParameterSetError: the file is not a valid parameter set.
+    """
     found = load_set(path)
     entries = found.entries()
     fits = {one.source.removeprefix("fit ") for one in entries.values() if one.source.startswith("fit ")}
@@ -198,16 +215,18 @@ def annotate(
     tags: list[str] | None = None,
     read: Callable[[Path], xr.Dataset] = open_recording,
 ) -> None:
-    """Change the notes or tags of a recording or a fit. The file is replaced as a whole or not at all.
+    """Change the notes or tags in a .nc file, or in the notes.json of a fit. The file is replaced as a whole
+    or not at all.
 
     Args:
-        path: a .nc file, or the folder of a fit.
+        path: a .nc file, or the folder of a fit (with results.json).
         notes: new notes; None keeps the present ones.
-        tags: new tags; None keeps the present ones.
-        read: function that reads a recording.
+        tags: new tags, which replace all present ones; None keeps these.
+        read: function from a path to the recording in the file.
 
     Raises:
         RecordingError, GateError: the path is neither a .nc file nor a fit, or cannot be read.
+        OSError: the file cannot be written.
     """
     new: dict[str, str] = {}
     if notes is not None:

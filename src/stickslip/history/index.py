@@ -24,21 +24,24 @@ COLUMNS = (
     "outcome", "seconds", "samples", "channels", "settings", "links", "problem",
 )  # fmt: skip
 _NUMBERS = {"changed": "REAL", "bytes": "INTEGER", "seconds": "REAL", "samples": "INTEGER"}
-TEXTS = tuple(column for column in COLUMNS if column not in _NUMBERS)  # columns that a search examines
+# Columns of the table that contain text; a search examines these.
+TEXTS = tuple(column for column in COLUMNS if column not in _NUMBERS)
 _FOLDER = ".stickslip"
-# Time in which a request of the panel's page reads new files, s. The last file may take 64 s more (`STUCK`).
+# Longest time in which a request of the panel's page starts to read new files, s. The last file may take 64 s
+# more (`STUCK`).
 READING = 20.0
 
 
 class Index:
-    """Index of the recordings and fits of a folder and its subfolders, except hidden files and folders.
+    """Index of the runs (recordings, fits, experiments, parameter sets) of a folder and its subfolders,
+    except hidden files and folders.
 
     Args:
         folder: folder of the laboratory.
         read: process that reads files; by default a new one, which `close` ends.
 
     Raises:
-        OSError: the folder is missing. (If it cannot be written, the index is kept in memory.)
+        OSError: the folder is missing. (If the folder cannot be written, the index is kept in memory.)
     """
 
     def __init__(self, folder: str | os.PathLike[str], read: Reader | None = None) -> None:
@@ -46,7 +49,8 @@ class Index:
         if not self.folder.is_dir():
             said = "is a file, not a folder" if self.folder.exists() else "there is no such folder"
             raise NotADirectoryError(20, f"{said}; name the folder of your recordings", str(folder))
-        # Time in which a query reads new files, s. Files that remain are listed as not read yet.
+        # Longest time in which a query starts to read new files, s. Files that remain are listed with the
+        # problem that they are not read yet.
         self.patience = math.inf
         self._own = Reader() if read is None else None
         self._read: Reader = read or self._own  # type: ignore[assignment]
@@ -58,7 +62,7 @@ class Index:
         self.close()
 
     def close(self) -> None:
-        """End the process that reads files, if this index started it."""
+        """End the process that reads files, unless the caller gave it."""
         if self._own is not None:
             self._own.close()
 
@@ -67,10 +71,12 @@ class Index:
         (self.folder / _FOLDER / "runs.sqlite").unlink(missing_ok=True)
 
     def rows(self, search: str = "", **equal: str) -> list[dict[str, Any]]:
-        """Return the rows of the index that match a search, the newest first, each as column -> value.
+        """Return the rows of the index that match a search, the newest first, each as a dictionary of values
+        by column (see `runs`), with `settings` and `links` as JSON texts or "". A damaged table is made
+        again.
 
         Args:
-            search: words that must all occur in the texts of a row, in upper or lower case.
+            search: words that must all occur in the texts of a row; upper and lower case are the same.
             equal: for some columns, the text with which the column must start: ``outcome="stopped"``.
 
         Raises:
@@ -81,7 +87,8 @@ class Index:
                 raise ValueError(f"there is no column {column!r}; there are {', '.join(COLUMNS)}")
         try:
             rows = self._found(search, equal)
-        except (sqlite3.DatabaseError, ValueError, RecursionError):  # the file of the table is damaged
+        except (sqlite3.DatabaseError, ValueError, RecursionError):
+            # The file of the table is damaged.
             self.rebuild()
             rows = self._found(search, equal)
         acts = read_acts(self.folder)
@@ -96,7 +103,8 @@ class Index:
         return rows
 
     def _found(self, search: str, equal: dict[str, str]) -> list[dict[str, Any]]:
-        """Update the table and return its rows that match, for `rows`, with `links` as a mapping."""
+        """Update the table and return its rows that match, for `rows` with the same arguments; `links` is a
+        dictionary from kinds of links to lists of names."""
         with closing(self._opened()) as database:
             self._update(database)
             where, given = ["1"], list[str]()
@@ -117,7 +125,8 @@ class Index:
         return [{**row, "links": json.loads(row["links"] or "{}")} for row in rows]
 
     def binned(self) -> list[str]:
-        """Return the names of the runs in the bin (deleted runs), the last deleted first."""
+        """Return the names (paths in the folder before the deletion) of the runs in the bin, the last deleted
+        first."""
         root = self.folder / BIN
         moved = [path.parent for path in root.rglob("results.json")]
         moved += [p for p in root.rglob("*") if p.is_file() and not any(p.is_relative_to(m) for m in moved)]
@@ -143,10 +152,10 @@ class Index:
         return name
 
     def to_bin(self, name: str) -> Path:
-        """Move a file, or a fit's folder, to the bin (`.bin` in the folder), and return its new path.
+        """Move a run (a file, or a fit's folder) to the bin, the folder `.bin`, and return its new path.
 
         Raises:
-            ValueError: there is no such run.
+            ValueError: the name is no run of the folder.
         """
         source = self.folder / real_name(name)
         inside = source.parent.resolve().is_relative_to(self.folder) and source != self.folder
@@ -157,7 +166,7 @@ class Index:
     def _opened(self) -> sqlite3.Connection:
         path = self.folder / _FOLDER / "runs.sqlite"
         columns = ", ".join(f"{one} {_NUMBERS.get(one, 'TEXT')}" for one in COLUMNS)
-        # Through a link the table could be written into another program's database.
+        # A link could lead to another program's database, so the table is then kept in memory.
         own = not path.is_symlink() and not path.parent.is_symlink()
         for place in ((str(path), str(path)) if own else ()) + (":memory:",):
             try:
@@ -171,7 +180,8 @@ class Index:
                 database.execute(f"PRAGMA user_version = {VERSION}")
                 database.commit()
                 return database
-            except (sqlite3.DatabaseError, OSError):  # the file is damaged, or the folder is read-only
+            except (sqlite3.DatabaseError, OSError):
+                # A damaged file is deleted. In a read-only folder the table is kept in memory.
                 if path.is_file() and os.access(path, os.W_OK):
                     path.unlink()
         raise OSError(f"no index can be made of {self.folder}")
@@ -179,8 +189,8 @@ class Index:
     def _update(self, database: sqlite3.Connection) -> None:
         """Read new and changed files into the table, and remove the rows of missing ones.
 
-        Files that were not read for lack of time or memory get a row with a problem, which is not committed:
-        it belongs only to this query, and the next one tries the file again.
+        Files that were not read for lack of time or memory get a row with a problem. This row is not
+        committed: it belongs only to the present query, and the next query tries the file again.
         """
         known = {
             row["name"]: (row["changed"], row["bytes"])
@@ -240,7 +250,8 @@ class Index:
             return self._with_problem(name, entry, error)
 
     def _with_problem(self, name: str, entry: FoundRun, error: Exception) -> dict[str, Any]:
-        """Return the row of a run that cannot be read; its column `problem` is the message of the error."""
+        """Return the row of a run that cannot be read, with only kind, time of change, size and name; its
+        column `problem` is the message of the error, without the folder's path."""
         said = str(error) or type(error).__name__
         for path, shown in ((entry.path, name.rpartition("/")[2]), (f"{self.folder}{os.sep}", "")):
             said = said.removeprefix(f"{path}: ").replace(path, shown)

@@ -11,8 +11,8 @@ from typing import Any
 
 from ..recording import RecordingError
 
-# Largest number of characters of a text in a row; longer texts are cut, but complete in the file. The panel
-# allows notes of this length.
+# Largest number of characters of a text in a row of the index. Longer texts are cut there; the run's file
+# keeps the whole text. The panel allows notes of this length.
 MOST_LETTERS = 20_000
 MOST_SETTINGS = 1_000_000  # largest number of characters of a row's settings, or of its links, as JSON
 _LARGEST = 2**63 - 1  # largest integer of SQLite
@@ -20,9 +20,9 @@ _ESCAPE = re.compile(r"\\(?:\\|x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8})")
 
 
 def storable_text(value: object) -> str:
-    """Return a value as text of up to `MOST_LETTERS` characters, then "...".
+    """Return a value as text, cut after `MOST_LETTERS` characters with " ..." at the end.
 
-    Lone surrogates and NUL characters, which cannot be stored, are escaped.
+    Lone surrogates and NUL characters, which SQLite cannot store, are escaped.
     """
     text = str(value)
     if len(text) > MOST_LETTERS:
@@ -31,7 +31,8 @@ def storable_text(value: object) -> str:
 
 
 def storable(value: Any) -> Any:
-    """Return a JSON value with texts that can be stored; a number that is not finite becomes None."""
+    """Return a JSON value, also a nested one, whose texts are those of `storable_text`. A number that is not
+    finite becomes None, any other object its text."""
     if isinstance(value, Mapping):
         return {storable_text(key): storable(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
@@ -42,17 +43,18 @@ def storable(value: Any) -> Any:
 
 
 def storable_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the columns of a row as the table stores them: texts, finite numbers, and JSON texts.
+    """Return a row (values by column) as the table stores it: `settings` and `links` as JSON texts, numbers
+    as finite numbers or None, and all else as texts.
 
     Raises:
-        RecordingError: settings are not a mapping, links are not a mapping of lists of names, or one of them
-            is too long.
+        RecordingError: settings are not a mapping, links are not a mapping of lists of names, or one of the
+            two is longer than `MOST_SETTINGS`.
     """
     return {name: _STORED.get(name, storable_text)(value) for name, value in row.items()}
 
 
 def links_of(value: Any) -> dict[str, list[str]]:
-    """Check links between runs, and return them without kinds that have no names.
+    """Check links between runs, and return them without kinds whose list of names is empty.
 
     Args:
         value: mapping from the kind of a link, such as "fitted", to a list of names of runs.
@@ -88,7 +90,7 @@ def _escaped(letter: str) -> str:
     code = ord(letter)
     if letter == "\\":
         return "\\\\"
-    if 0xDC80 <= code <= 0xDCFF:  # Python's substitute for a byte of a file name that is not UTF-8
+    if 0xDC80 <= code <= 0xDCFF:  # Python's code for a byte of a file name that is not UTF-8
         return f"\\x{code - 0xDC00:02x}"
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 

@@ -13,19 +13,26 @@ if TYPE_CHECKING:
 
 
 def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.DataFrame:
-    """Return the recordings and fits of a folder and its subfolders, the newest first, as a pandas table.
+    """Return the recordings and fits of a folder and its subfolders, the newest first, as a pandas table with
+    one row per run.
 
-    Columns: name (the path in the folder), kind (recording, prediction, fit, verification, parameters; run:
-    an experiment without a recording; folder: one that cannot be searched), changed (time of the last
-    change), bytes, begun (time of the start), title, notes, tags, operator, rig, parameter_set, outcome
-    ("complete", the reason of a stop, or "not as required" for a fit), seconds (duration), samples, channels,
-    settings (a dictionary: variables, capture, limits, drive, actuator; for a fit its results), links (names
-    of other runs, such as the recordings of a fit), problem (reason why a file cannot be read). An index
-    beside the files (``.stickslip/runs.sqlite``) makes later calls faster; it may be deleted at any time.
+    Columns:
+
+    * name (the path in the folder); kind (recording, prediction, fit, verification, parameters; run: an
+      experiment without a recording; folder: a folder that cannot be searched);
+    * changed (time of the last change, UTC), bytes, begun (time of the start), seconds (duration), samples;
+    * title, notes, tags, operator, rig, parameter_set, channels (texts);
+    * outcome ("complete", the reason of a stop, or "not as required" for a fit);
+    * settings (a dictionary: variables, capture, limits, drive, actuator; for a fit its results);
+    * links (a dictionary from kinds of links, such as "fitted", to lists of names of runs);
+    * problem (reason why a file cannot be read).
+
+    An index beside the files (``.stickslip/runs.sqlite``) makes later calls faster; it may be deleted at any
+    time.
 
     Args:
         folder: folder of the laboratory.
-        search: words that must all occur in the texts of a row.
+        search: words that must all occur in the texts of a row; upper and lower case are the same.
         equal: for some columns, the text with which the column must start: ``outcome="stopped"``,
             ``operator="Kang"``.
 

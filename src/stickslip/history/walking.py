@@ -12,17 +12,17 @@ from typing import NamedTuple
 from ..rig.samples import SAMPLES, recover
 from .describing import NOTES, RECORDINGS
 
-SETS = "parameters"  # name of the subfolder of parameter sets that were saved from fits
-LOGS = ("experiment.log", "experiment.yaml")  # files of which an experiment's folder has at least one
+SETS = "parameters"  # name of the laboratory's subfolder with parameter sets that were saved from fits
+LOGS = ("experiment.log", "experiment.yaml")  # an experiment's folder has at least one of these files
 MOST_LEVELS = 40  # largest depth of nested folders that is searched; usual laboratories have up to 6
 
 
 class FoundRun(NamedTuple):
     """A run that was found by the names of its files; it may turn out to be unreadable.
 
-    Fields: path, kind, time of change [s since 1970], size [bytes], and the reason why it must not be read,
-    or "". The kind is "recording", "fit", "parameters" (a parameter set), "run" (an experiment's folder
-    without a recording) or "folder" (a folder that cannot be searched).
+    Fields: `path`; `kind`; `changed`, time of the last change [s since 1970]; `bytes`, size; and `problem`,
+    the reason why the run must not be read, or "". The kind is "recording", "fit", "parameters" (a parameter
+    set), "run" (an experiment's folder without a recording) or "folder" (a folder that cannot be searched).
     """
 
     path: str
@@ -58,7 +58,8 @@ def entries(root: str) -> Iterator[FoundRun]:
         for one in there:
             if kind := _kind(root, folder, one):
                 yield from _looked_at(root, one.path, kind)
-        if folder != root and "zarr.json" in names:  # a study's store, which has many files and no recordings
+        if folder != root and "zarr.json" in names:
+            # The store of a study has many subfolders and no recordings in them.
             continue
         below = [one.path for one in there if not one.name.startswith(".") and _is_folder(one)]
         if below and level == MOST_LEVELS:
@@ -69,7 +70,8 @@ def entries(root: str) -> Iterator[FoundRun]:
 
 
 def is_run(root: str, path: str) -> bool:
-    """Return True if a file or folder is a run, by the rules of `entries`."""
+    """Return True if the file or folder at `path` is a run, by the rules of `entries` for the folder `root`;
+    False if it is missing or cannot be examined."""
     folder = os.path.dirname(path)
     try:
         with os.scandir(folder) as found:
@@ -101,7 +103,8 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
 
 
 def _fit(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
-    """Yield a folder if it is that of a fit, which has results and a report.
+    """Yield one `FoundRun` if a folder is that of a fit (with results.json and report.html); otherwise
+    nothing.
 
     Its time of change is the latest, and its size the sum, of the files that the index reads.
 
@@ -121,10 +124,10 @@ def _fit(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
 
 
 def _without_recording(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
-    """Yield a folder if it is that of an experiment that has ended, or has just started, without a recording.
+    """Yield one `FoundRun` if a folder is that of an experiment that has ended, or has just started, without
+    a recording; otherwise nothing. The arguments are those of `_fit`.
 
-    Folders with samples that are being recorded or were left unfinished are not yielded. The arguments are
-    those of `_fit`.
+    A folder with samples that are being recorded or were left unfinished does not count.
     """
     log = next((one for one in LOGS if one in names), None)
     if folder == root or log is None or "unfinished" in names:
@@ -136,9 +139,10 @@ def _without_recording(root: str, folder: str, names: set[str]) -> Iterator[Foun
 
 
 def _looked_at(root: str, path: str, kind: str) -> Iterator[FoundRun]:
-    """Yield a file as a run of a kind, with the reason if it must not be read; nothing if it was deleted.
+    """Yield one `FoundRun` of this kind for the file at `path`; nothing if the file was deleted.
 
-    A link out of the folder `root`, and a pipe or device, must not be read.
+    Its `problem` says why the file must not be read: a link leads out of the folder `root` or nowhere, or the
+    file is a pipe or device.
     """
     try:
         one = os.lstat(path)
@@ -152,7 +156,8 @@ def _looked_at(root: str, path: str, kind: str) -> Iterator[FoundRun]:
                 one = there
             else:
                 problem = "a link that leads out of the folder: it is not followed"
-        except OSError as error:  # the link leads to nothing, or to itself
+        except OSError as error:
+            # The target of the link is missing, or is the link itself.
             problem = f"a link that leads nowhere: {error.strerror}"
     if not problem and not stat.S_ISREG(one.st_mode):
         problem = "no plain file"

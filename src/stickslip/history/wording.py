@@ -22,20 +22,21 @@ _UNITS = {"seconds": "s"} | {
 
 
 def worded(found: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return differences between rows of the index in words.
+    """Return differences between rows of the index in words, for a page.
 
     Args:
-        found: values by name, one per row, from `comparing.differences`.
+        found: lists of values by name, one value per row, from `comparing.differences`.
         rows: the compared rows of the index.
 
     Returns:
-        For each difference: `what` (its name in words), `values` (one per row) and `units` (one per row; SI,
-        or "" without a unit).
+        A list with one dictionary for each difference: `what` (its name in words), `values` (one per row) and
+        `units` (one per row; SI, or "" without a unit).
     """
     flat = flat_rows(rows)
     shown = []
     for name, values in found.items():
-        if name.endswith(".unit"):  # a unit is shown with its number, not as a difference of its own
+        if name.endswith(".unit"):
+            # A unit is shown with its number, not as a difference.
             continue
         texts = [_plain(value) if name == "channels" else value for value in values]
         shown.append({"what": _words(name), "values": texts, "units": [_unit(name, one) for one in flat]})
@@ -47,8 +48,8 @@ def _words(name: str) -> str:
 
 
 def _plain(text: Any) -> Any:
-    """Replace underscores in a text by spaces, except those before a number, which belong to a symbol
-    (sigma_0); return other values unchanged."""
+    """Return a text with spaces instead of underscores, except underscores before a number, which belong to a
+    symbol (sigma_0); values that are not texts are returned unchanged."""
     return re.sub(r"_(?=[a-z])", " ", text) if isinstance(text, str) else text
 
 

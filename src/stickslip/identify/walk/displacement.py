@@ -163,8 +163,8 @@ class Displacement:
 
 
 def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:
-    """Return simulated samples (rows) for all samples of the recording: the first row, at rest, stands for
-    all `early` samples before the motion starts."""
+    """Return simulated samples (rows) for all samples of the recording: the first row, at rest, is repeated
+    for all `early` samples before the motion starts."""
     if early == 1:
         return samples
     return np.concatenate([np.repeat(samples[:1], early, axis=0), samples[1:]])
