@@ -76,15 +76,17 @@ def _check_files(step: JobStep, spec: Any, made: set[str], out: Path) -> None:
 
 
 def _check_words(spec: Any, folder: Path, cells: list[str]) -> None:
-    """Check names and texts in a step: the model, the requirements, and the cells of a campaign.
+    """Check names and texts in a step: the model, the requirements, and all fields of a campaign or of walks.
+
+    Existing recordings of such steps are read, too.
 
     Args:
-        spec: content of the step.
+        spec: content of the step, as a record.
         folder: folder of the relative paths in the step.
         cells: names of the recordings of the experiment that the step can use.
 
     Raises:
-        InputFileError: a name or a text is wrong.
+        InputFileError: a name or a text is wrong, or a recording is not suitable.
     """
     model = getattr(spec, "model", None)
     if isinstance(model, str) and model and not model.endswith(".json") and not (folder / model).is_file():

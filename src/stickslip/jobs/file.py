@@ -138,7 +138,7 @@ def checked(step: JobStep, where: str = "") -> Any:
 
     Args:
         step: the step.
-        where: place of the content in its file, for errors.
+        where: place of the content in its file, such as "steps.0.record.", for errors.
 
     Raises:
         InputFileError: the content is invalid; the message names the file and the field.

@@ -155,7 +155,8 @@ def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool 
 
 
 def _renamed(section: Section, prefix: str) -> Section:
-    """Return a section whose figure names start with `prefix`, so that they are unique among the steps."""
+    """Return a section whose figures have `prefix` before their names, so that names are unique in a
+    report."""
     return replace(
         section,
         figures=[replace(picture, name=prefix + picture.name) for picture in section.figures],

@@ -82,7 +82,8 @@ class StepKind(NamedTuple):
         return "title" in getattr(self.schema, "model_fields", {"title": None})
 
     def read(self, content: dict[str, Any]) -> Any:
-        """Return the validated record of a content; raises pydantic's ValidationError, or InputFileError."""
+        """Return the validated record of a content, a mapping; raises pydantic's ValidationError, or
+        InputFileError."""
         if self.reads is not None:
             return self.reads(content)
         return TypeAdapter(self.schema).validate_python(content)

@@ -1,6 +1,6 @@
-"""Signs of life (heartbeats) of the page in control, passed on to the rig's process.
+"""Heartbeats (signs of life) of the page in control, passed on to the rig's process.
 
-If the experiment's limits ask for a heartbeat, the rig's process ends the run when these signs stop.
+If the experiment's limits require heartbeats, the rig's process ends the run when they stop.
 """
 
 from __future__ import annotations

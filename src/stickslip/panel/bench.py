@@ -1,4 +1,4 @@
-"""Routes of the Bench page: experiment, start, stop and home, live view, files."""
+"""Routes of the Bench page: experiment, start, stop and home of runs, zoom into live curves, files."""
 
 from __future__ import annotations
 

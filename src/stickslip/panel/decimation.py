@@ -53,7 +53,7 @@ def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDA
 
 
 def _paired(low: Float32, high: Float32, falling: NDArray[np.bool_]) -> Float32:
-    """Interleave the minimum and maximum of each bucket [rows, n] in drawing order [rows, 2 n].
+    """Interleave the minimum `low` and maximum `high` of each bucket [rows, n] in drawing order [rows, 2 n].
 
     `falling` is True for buckets in which the values fall: their maximum comes first.
     """

@@ -42,7 +42,7 @@ def _bundled(name: str, addresses: dict[str, str]) -> str:
 
 
 def _style() -> str:
-    """Return the CSS rules of the panel that plots need, limited to the widget's element."""
+    """Return the CSS rules of the panel that plots need, as text, limited to the widget's element."""
     text = (_STATIC / "style.css").read_text(encoding="utf-8")
     light, dark = (
         re.search(rf"^{re.escape(where)} \{{(.*?)\}}", text, re.MULTILINE | re.DOTALL)
@@ -101,7 +101,7 @@ def plot_widget(
         }
         for name in channels
     ]
-    # Times count from the first sample: float32 is finest near 0.
+    # Times count from the first sample, because float32 has the smallest steps near 0.
     time = recording["time"].values
     frame = packed({"start": float(time[0])}, time - time[0], *(recording[n].values for n in channels))
     return PlotWidget(frame=frame, series=series, height=height)

@@ -58,7 +58,7 @@ def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) ->
 
     Args:
         piezo: the piezo of the parameter set, None for an ideal one.
-        hysteresis, creep: values of the two sliders, numbers or texts.
+        hysteresis, creep: values of the two sliders, numbers from 0 to 1 or texts.
         own: values of the sliders of `own_fields`, by name.
 
     Raises:

@@ -78,7 +78,7 @@ class Statistics:
         """Reset the statistics for a new run.
 
         Args:
-            columns: name, unit and label of each channel.
+            columns: a dictionary for each channel: "name", "unit" and "label".
             drive: name of the channel that shows the drive, "" for none: then no steps are counted.
         """
         with self._lock:

@@ -69,23 +69,20 @@ def aligned(
     scale: float = 1.0,
     begin: float | None = None,
 ) -> Aligned:
-    """Align a recording with its drive, and subtract the bias: the mean position before the drive.
+    """Align a recording with its drive, subtract the bias (mean position before the drive); return both.
 
     With a waveform, samples later than `AFTER` of its duration after its end are removed, and the time of the
-    result starts at 0.
+    result starts at 0. Without a waveform neither is done.
 
     Args:
-        whole: recording with end_effector_position [m], and drive_voltage [V] unless drive and begin are
-            given.
+        whole: recording with end_effector_position [m, or rad], and drive_voltage [V] unless drive and begin
+            are given.
         drive: the waveform, in its own time from 0; None: the channel drive_voltage is the drive.
-        name: name of the recording.
-        slew_rate: slew rate of the amplifier, V/s.
+        name: name of the recording, for errors and the result.
+        slew_rate: slew rate of the amplifier, V/s, by default infinite.
         scale: factor by which the position is divided.
         begin: start of the drive in the time of `whole`, s; by default the time at which drive_voltage
             matches the waveform best or, without a waveform, first changes.
-
-    Returns:
-        The recording and its drive.
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled, or
@@ -163,7 +160,8 @@ def _at_piezo(drive: Waveform, slew_rate: float) -> Waveform:
 
 
 def _before(time: np.ndarray, begin: float) -> np.ndarray:
-    """Return a mask of the samples that are more than two sampling intervals before `begin` [s]."""
+    """Return a mask of the samples at `time` [s] that are more than two sampling intervals before `begin`
+    [s]."""
     return time < begin - 2.0 * float(np.median(np.diff(time)))
 
 
@@ -218,7 +216,7 @@ def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
 
 
 def _after_rest(drive: Waveform) -> tuple[float, Waveform]:
-    """Return the duration of a drive's initial rest [s], and the drive without it."""
+    """Return the duration of a drive's initial rest [s], 0 without one, and the drive without this rest."""
     parts = drive.parts if isinstance(drive, Sequence) else ()
     resting = next((i for i, (part, _) in enumerate(parts) if not isinstance(part, Rest)), 0)
     if not resting:
@@ -247,7 +245,7 @@ def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:
 
 
 def _first_change(whole: xr.Dataset, name: str) -> float:
-    """Return the time [s] at which drive_voltage differs from its first sample by more than `BEGUN`.
+    """Return the time [s] at which drive_voltage first leaves its first sample by `BEGUN` of its range.
 
     `whole` is the recording, and `name` its name in errors.
     """

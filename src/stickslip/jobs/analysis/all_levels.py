@@ -31,8 +31,9 @@ Score = tuple[float, float]
 class LevelData(NamedTuple):
     """Data of one drive amplitude (level).
 
-    `response` is its frequency response. `drive` and `steady` are the held-out drives, (samples, inputs,
-    realisations), and the measured responses to them, (samples, outputs, realisations).
+    `name` is the name of the level, and `response` its frequency response. `drive` [V] has the held-out
+    drives (samples, inputs, realisations), and `steady` [m] the responses measured to them (samples, outputs,
+    realisations).
     """
 
     name: str

@@ -20,7 +20,7 @@ class AxisSpec(Strict):
     spacing: Literal["linear", "log"] = "linear"
 
     def between(self, first: float, last: float, name: str, unit: str = "") -> list[float]:
-        """Return the values of the axis, both ends included.
+        """Return the values of the axis as a list, both ends included.
 
         Args:
             first, last: `start` and `stop` in SI.

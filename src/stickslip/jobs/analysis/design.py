@@ -46,7 +46,8 @@ OF_FIT = "fit"
 class DesignAnalysis(Analysis, ModelOrFit):
     """Content of a design file: its parts map, optimise, front, actuator and plan, at least one of them.
 
-    `uncertainty` is a file with draws or standard errors of the parameters, or "fit" for those of the fit.
+    `uncertainty` is the path of a file with draws or standard errors of the parameters, or "fit" for the
+    uncertainty of the model's fit. Without it the parameters are exact.
     """
 
     kind: Literal["design"] = "design"

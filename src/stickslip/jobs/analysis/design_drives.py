@@ -29,8 +29,8 @@ from .design_given import (
 )
 from .model import named_model
 
-# Largest numbers of rows of a table (of the worst conditions) and of points of a front in a report;
-# results.json has all of them.
+# MOST_ROWS: largest number of rows of a table of the worst conditions in a report. MOST_POINTS: largest
+# number of points of a front. The file results.json has all of them.
 MOST_ROWS, MOST_POINTS = 30, 12
 STOPPED = "stopped before the end of the search: the best until then"
 
@@ -50,9 +50,10 @@ class OptimiseSpec(
     generator: GeneratorSpec | None = None
 
     def made(self, given: Given) -> Document:
-        """Search for the best drive; return a report, and files with the drive for a generator.
+        """Search for the best drive; return a report, and files with the drive.
 
-        Raises QuantityError for wrong values.
+        The files are drive.yaml, for a run of an experiment file, and with a converter drive.csv, its output
+        over a period. Raises QuantityError for wrong values.
         """
         common = self.common(given)
         common["output"] = output_stage(self.limits, self.generator, given.folder)
@@ -69,12 +70,15 @@ class OptimiseSpec(
 
 
 class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "generations")):
-    """Arguments of `design.waveform_front`, which searches the Pareto-optimal drives for two goals."""
+    """Arguments of `design.waveform_front`, which searches the Pareto-optimal drives for two goals.
+
+    `goals` are the goals, each as in `OptimiseSpec`.
+    """
 
     goals: list[Goal] = ["speed"]  # noqa: RUF012  # pydantic copies the default
 
     def made(self, given: Given) -> Document:
-        """Search for the front; return a report. Raises QuantityError for wrong values."""
+        """Search for the Pareto front; return a report. Raises QuantityError for wrong values."""
         found = waveform_front(
             given.model,
             goals=tuple(goal_of(one, given.model) for one in self.goals),  # type: ignore[arg-type]
@@ -86,10 +90,11 @@ class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "gen
 class ActuatorSearchSpec(
     SearchSpec, arguments_of(optimise_actuator, "draws", "minimum_speed", "holding_force", "budget")
 ):
-    """Arguments of `design.optimise_actuator`.
+    """Arguments of `design.optimise_actuator`, which searches for the actuator that reaches a goal best.
 
-    `free` are the fields of the actuator that are varied, with their ranges. `models` are parameter sets by
-    a name of the user's; if given, the search starts from each of them instead of the model of the file.
+    `free` has the ranges of the fields that are varied, by name: [lowest, highest], in SI or with units.
+    `models` has the names of parameter sets by a label; the search then starts from each of them instead of
+    the file's model.
     """
 
     goal: Goal | None = None
@@ -97,7 +102,10 @@ class ActuatorSearchSpec(
     models: dict[str, str] | None = None
 
     def made(self, given: Given) -> Document:
-        """Search for the best actuator; return a report. Raises QuantityError for wrong values."""
+        """Search for the best actuator; return a report.
+
+        Raises QuantityError for wrong values, and ParameterSetError for an unknown parameter set.
+        """
         models = {name: named_model(given.folder, one) for name, one in (self.models or {}).items()}
         found = optimise_actuator(
             models or given.model,

@@ -75,11 +75,15 @@ Goal = GoalSpec | str
 
 
 def goal_of(given: Goal | None, model: Actuator) -> Any:
-    """Return a goal of a file as the searches take it; raise QuantityError for a wrong value.
+    """Return a goal in the form that the searches of `design` take.
 
     Args:
-        given: a name such as "speed", a goal with a value, or None, which is returned unchanged.
+        given: a name such as "speed", a goal with a value, or None. Names other than "tip_load" and "noise",
+            and None, are returned unchanged.
         model: the actuator, whose stage the goals "tip_load" and "noise" concern.
+
+    Raises:
+        QuantityError: the value of the goal is wrong.
     """
     if isinstance(given, GoalSpec):
         return given.goal()
@@ -89,15 +93,19 @@ def goal_of(given: Goal | None, model: Actuator) -> Any:
 
 
 class OutputLimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitance")):
-    """Limits of an output stage: its `slew_rate`, or `current` and `capacitance`, or those of a `bench`.
+    """Limits of an output stage: `slew_rate` [V/s], or `current` [A] with `capacitance` [F], or a `bench`.
 
-    With a `bench` they are those of its amplifier with its piezo as load.
+    The limits of a `bench` are those of its amplifier with its piezo as load.
     """
 
     bench: str | None = None
 
     def output(self, folder: Path) -> OutputStage:
-        """Return an output stage with these limits; raise QuantityError for a wrong value."""
+        """Return an output stage with these limits.
+
+        `folder` is the folder of the design file, for a bench in a file. Raises QuantityError for a wrong
+        value, or for limits beside a bench.
+        """
         if self.bench is None:
             return OutputStage(**self.given)
         if self.given:
@@ -109,8 +117,8 @@ class OutputLimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitan
 class GeneratorSpec(fields_of(OutputStage, "update_rate", "points", "step", "interpolation")):
     """Waveform generator (digital-to-analogue converter) of an output stage.
 
-    It has an `update_rate` and a number of `points` per period, or it is the converter of a `bench` with a
-    number of `points`.
+    The generator has an `update_rate` [Hz], a number of `points` per period, a voltage `step` [V] and an
+    `interpolation`. Or it is the converter of a `bench`, with a number of `points`.
     """
 
     bench: str | None = None
@@ -150,7 +158,8 @@ def output_stage(
 class ScenarioSpec(Strict):
     """A condition for which a drive must also work, such as a load.
 
-    `change` sets fields of the actuator or its friction law; `factors` multiplies their values.
+    `change` has new values of fields of the actuator or its friction law by name, in SI or with units;
+    `factors` has factors by which their values are multiplied. `name` is for the report.
     """
 
     name: str = ""
@@ -166,8 +175,8 @@ class ScenarioSpec(Strict):
 class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "frequency", "seed")):
     """Arguments that all searches for a drive have in common.
 
-    They are those of `optimise_waveform`, with the `limits` of the amplifier, and conditions (`scenarios`)
-    for which the drive must also work.
+    They are those of `optimise_waveform`, with the `limits` of the amplifier, and `scenarios`, further
+    conditions for which the drive must work.
     """
 
     limits: OutputLimitsSpec | None = None

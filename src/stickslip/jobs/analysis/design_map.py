@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 AXES = {"voltage": "V", "frequency": "Hz", "load": "N"}
-# Fields of the drive that the map sets at each point, so that their values in the file do not matter.
+# Fields of the drive that the map sets at each point; their values in the file have no effect.
 AT_EACH = ("amplitude", "frequency", "offset", "periods")
 
 
@@ -56,8 +56,9 @@ class MapSpec(
 ):
     """Arguments of `step_map`.
 
-    `drive` is written as in an experiment file; a sawtooth by default. `limits` and `generator` describe
-    amplifier and converter; without both the drive acts directly on the piezo.
+    `drive` is written as in an experiment file, by default a sawtooth. `voltage` [V], `frequency` [Hz] and
+    `load` [N, or N m] are values, or axes between two ends. `limits` describe the amplifier and `generator`
+    the converter; without both the drive acts directly on the piezo.
     """
 
     drive: PartSpec | None = None

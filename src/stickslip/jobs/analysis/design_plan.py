@@ -24,10 +24,11 @@ from .design_given import Given, Quantity
 class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_rate", "over", "seed")):
     """Arguments of `plan_experiment`.
 
-    `goal` is what the recordings shall determine: "all" parameters, one parameter, or the step of a waveform.
-    `noise` is the standard deviation of the position, or a file with a recording at rest. `channel` describes
-    the position channel. `like` is an experiment file whose rig, channels and actuator the plan takes over.
-    With an `uncertainty` of the file the plan is the best one for the worst case among its draws.
+    `free` names the parameters that the recordings shall identify. `goal` is what they shall determine best:
+    "all" parameters, one parameter, or the step of a waveform. `noise` is the standard deviation of the
+    position [m, or rad], or the name of a file with a recording at rest. `channel` describes the position
+    channel. `like` is the name of an experiment file whose rig, channels and actuator the plan takes over.
+    With an `uncertainty` in the design file the plan is the best one for the worst case among its draws.
     """
 
     free: list[str] = Field(min_length=1)
@@ -39,9 +40,9 @@ class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_r
     like: str | None = None
 
     def made(self, given: Given) -> Document:
-        """Plan the recordings; return a report with an experiment file.
+        """Plan the recordings; return a report with experiment.yaml, an experiment file that makes them.
 
-        Raises QuantityError for wrong values.
+        Raises QuantityError for wrong values, and RecordingError if the file `noise` cannot be read.
         """
         goal: Any = drive_of([self.goal], {}, given.folder) if isinstance(self.goal, PartSpec) else self.goal
         plan = plan_experiment(

@@ -22,8 +22,8 @@ AnalysisError = InputFileError
 # Pairs of numbers by parameter: lower and upper bound, or mean and standard deviation of a prior; in SI, or
 # as texts with units.
 Pairs = Annotated[dict[str, tuple[float | str, float | str]], Field(default_factory=dict)]
-# Fields that determine how a file is read. Recordings with equal values of all fields in OF_SOURCE are parts
-# of the same file, which is read once.
+# _FORMAT: fields that determine how a file is read. OF_SOURCE: all fields that determine its content.
+# Recordings with equal values of these are parts of one file, which is read once.
 _FORMAT = ("columns", "units", "clocks", "sample_rate", "reader", "rows", "missing", "missing_values")
 OF_SOURCE = {"dataset", "file", "calibration", "rename", "scale_uncertainty", *_FORMAT}
 
@@ -50,8 +50,8 @@ class RecordingFile(SourceFile):
     `read_recording`. `reader` is the format if it cannot be recognised from the content, or a user's own
     reader, "my_reader.py:scope". `calibration` lists the calibrations of each variable, in order; `rename`
     gives new names of calibrated variables. `start` and `end` [s] select a part. `scale_uncertainty` is the
-    relative standard uncertainty of a variable's scale, if its calibrations do not give it. `use` is the
-    purpose of the recording; `name` is its name in tables and figures.
+    relative standard uncertainty of a variable's scale, if its calibrations do not give it. `use` is "fit" or
+    "verify": the recording is fitted, or predicted. `name` is its name in tables and figures.
     """
 
     columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
@@ -132,8 +132,8 @@ def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, x
     A file of which several recordings are parts is read once. `folder` is the folder of the input file.
 
     Raises:
-        RecordingError: a file cannot be read.
-        AnalysisError: two recordings have the same label, or a part holds fewer than two samples.
+        RecordingError, CalibrationError: a file cannot be read, or its calibration is wrong.
+        AnalysisError: two recordings have the same label, or a part has fewer than two samples.
     """
     whole: dict[str, xr.Dataset] = {}
     parts: dict[str, xr.Dataset] = {}
@@ -150,7 +150,11 @@ def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, x
 
 
 class Analysis(Strict):
-    """Fields that every identification file has: title, keys of citations, and notes for the report."""
+    """Fields that every identification file has.
+
+    `title` is the title of the report, `citation` lists keys of publications, and `notes` is a text for the
+    report.
+    """
 
     title: str
     citation: list[str] = Field(default_factory=list)

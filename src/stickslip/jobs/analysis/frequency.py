@@ -1,6 +1,7 @@
 """Analysis of frequency responses: modal models of a piezo mechanism, verified on other drives.
 
-There is a model for each amplitude of the drive (level) and, if requested, one for all amplitudes.
+A model consists of vibration modes, a delay, and a remainder for faster modes. There is a model for each
+amplitude of the drive (level) and, if requested, one for all amplitudes.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ class Arrays(Strict):
 class Level(Arrays):
     """Data of one amplitude of the drive (level).
 
-    `amplitude` is the rms drive, for figures. `test` are files for verification, used instead of the last
-    realisations of `drive` and `response`.
+    `amplitude` is the rms drive [V], for the axis of figures. `test` are files for verification, used instead
+    of the last realisations of `drive` and `response`.
     """
 
     name: str

@@ -34,9 +34,10 @@ if TYPE_CHECKING:
 class LawSpec(Strict):
     """A friction law to fit.
 
-    `law` is its name, or ``path.py:Name`` for a user's law in the folder of the input file. `fields` are
-    initial values, `free` the parameters to fit, with `bounds`; `tied` and `priors` are as for
-    `identify_loops`. `label` is the name of the law in tables.
+    `law` is its name, or ``path.py:Name`` for a user's law in the folder of the input file. `fields` has
+    initial values of its fields, in SI or with units. `free` lists the parameters to fit, with their lower
+    and upper `bounds`. `tied` and `priors` are as for `identify_loops`. `label` is the name of the law in
+    tables.
     """
 
     law: str
@@ -62,8 +63,8 @@ class LawSpec(Strict):
         return Candidate(label, made, tuple(self.free), dict(self.bounds), **own)
 
 
-# A law given by its name, or by a record with the user's own values. The discriminator selects the kind, so
-# that an error message concerns this kind only; the texts name the kinds in messages.
+# Entry in a list of laws: a name, or a record with the user's own values. The discriminator decides by its
+# type, so that an error message concerns this kind of entry only. The texts name the kinds in messages.
 _NAME, _OWN = "a name", "of one's own"
 LawChoice = Annotated[
     Annotated[str, Tag(_NAME)] | Annotated[LawSpec, Tag(_OWN)],
@@ -74,11 +75,11 @@ LawChoice = Annotated[
 class LoopAnalysis(Analysis):
     """Request to fit friction laws to friction loops.
 
-    Recordings have the channels position, friction_force and, with `reference_normal_force` (the normal force
-    for which the laws' values hold), normal_force. `flip` changes the sign of the force, for channels that
-    show the force on the other body. `noise` is the standard deviation of the force, relative to which priors
-    are weighted. `marks` are values of r² that other authors reached, with a description of each; the ranking
-    shows them. The report compares the best law with a fit without its priors.
+    Recordings have the channels position, friction_force and, with `reference_normal_force` [N] (the normal
+    force for which the laws' values hold), normal_force. `flip` changes the sign of the force, for channels
+    that show the force on the other body. `noise` [N] is the standard deviation of the force, relative to
+    which priors are weighted. `marks` are values of r² that other authors reached, by a description; the
+    ranking shows them. If the best law has priors, the report compares its fit with a fit without them.
     """
 
     kind: Literal["friction_loops"]
@@ -143,7 +144,10 @@ class LoopAnalysis(Analysis):
 
 
 def _spans(parts: list[xr.Dataset]) -> str:
-    """Return the start and end of each part as text, rounded to about 1 % of the shortest part."""
+    """Return the start and end of each part as text, such as "0 to 2.5 s, 2.5 to 4 s".
+
+    The times are rounded to about 1 % of the shortest part.
+    """
     ends = [(float(part["time"][0]), float(part["time"][-1])) for part in parts]
     decimals = math.ceil(2.0 - math.log10(min(end - start for start, end in ends)))
 
@@ -154,12 +158,12 @@ def _spans(parts: list[xr.Dataset]) -> str:
 
 
 def _prediction_pictures(best: str, found: Verification, unseen: xr.Dataset) -> tuple[Picture, Picture]:
-    """Return figures of the best law's prediction of a recording, over the position and over time.
+    """Return two figures of the best law's prediction: force over the position, and force over time.
 
     Args:
         best: name of the law.
         found: prediction of the recording.
-        unseen: the recording, which no fit has used.
+        unseen: the recording, which no fit has used; the first figure shows its last quarter.
     """
     predicted = found.predictions[0]
     last = slice(-len(predicted["time"]) // 4, None)

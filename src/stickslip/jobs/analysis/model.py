@@ -20,7 +20,10 @@ Fields = Mapping[str, float | str | bool]
 
 
 def named_model(folder: Path, name: str) -> Actuator:
-    """Return the actuator of a parameter set, by name or by a TOML file in the folder."""
+    """Return the actuator of a parameter set, by name or by the name of a TOML file in the folder.
+
+    Raises ParameterSetError if there is no such set.
+    """
     own = folder / name
     return load_actuator(own if own.suffix == ".toml" and own.is_file() else name)
 
@@ -61,9 +64,9 @@ class NamedModel(Changes):
     model: str
 
     def load_model(self, folder: Path) -> Actuator:
-        """Return the model; raises ParameterSetError, QuantityError.
+        """Return the model with its changed fields; `folder` is the folder of the input file.
 
-        `folder` is the folder of the input file.
+        Raises ParameterSetError if there is no such set, and QuantityError for a wrong field.
         """
         return with_changes(named_model(folder, self.model), self.change, self.friction)
 
@@ -78,17 +81,18 @@ class ModelOrFit(Changes):
     model: str | None = None
 
     def load_model(self, folder: Path) -> Actuator:
-        """Return the model, linear or rotary; raises AnalysisError, ParameterSetError, QuantityError.
+        """Return the model with its changed fields; `folder` is the folder of the input file.
 
-        `folder` is the folder of the input file.
+        Raises AnalysisError unless exactly one of `fit` and `model` is given, or if the file of the fit has
+        no model. Further errors are ParameterSetError and QuantityError.
         """
         return self.load_model_and_chain(folder)[0]
 
     def load_model_and_chain(self, folder: Path) -> tuple[Actuator, Chain]:
-        """Return the model and the signal chain of the position channel.
+        """Return the model and the signal chain of the position channel (its delay and scale).
 
-        Without a fit, or if its file contains no chain, the chain is the default one without delay. Errors
-        are as for `load_model`.
+        Without a fit, or if its file contains no chain, the chain is the default one without delay. Raises
+        the errors of `load_model`.
         """
         if (self.fit is None) == (self.model is None):
             raise AnalysisError(

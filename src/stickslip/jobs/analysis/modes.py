@@ -20,7 +20,10 @@ MOST_MODES = 60
 
 
 def refused(why: str) -> PydanticCustomError:
-    """Return the error for a wrong value, or contradicting values, in a file; `why` is its message."""
+    """Return the pydantic error for a wrong value, or contradicting values, in a file; the caller raises it.
+
+    `why` is its message.
+    """
     return PydanticCustomError("analysis", "{why}", {"why": why})
 
 

@@ -20,7 +20,7 @@ from ...physics.piezo import Creep, PrandtlIshlinskii
 from ...quantities.units import QuantityError, with_prefix
 from ...simulation.varied import free_names, quantity_of
 
-MOST_DRAWS = 40  # largest number of draws for which the loop must keep its stability margins
+MOST_DRAWS = 40  # largest number of draws (alternative models) for which the stability margins are checked
 
 
 class Aim(NamedTuple):

@@ -75,7 +75,7 @@ class PositionSpec(Strict):
 class SlipSpec(fields_of(Slip)):
     """Fast edge of the drive at which the contact slips, with the fields of `stickslip.control.Slip`.
 
-    Instead of a duration, a `current` into the piezo of the bench may be given.
+    Instead of `duration` [s], `current` [A] may be given: the current into the piezo of the bench.
     """
 
     current: Quantity | None = None
@@ -146,9 +146,9 @@ class MoveFile(Analysis):
         return value
 
     def aim(self, unit: str) -> Aim:
-        """Return target and tolerances in `unit` (m or rad).
+        """Return target and tolerances as an `Aim` in `unit`, m or rad.
 
-        Raises AnalysisError for an infinite target or a wrong window.
+        Raises AnalysisError if the target is infinite, or a tolerance is not positive and finite.
         """
         within, rms = to_si(self.within, unit, "within"), optional_si(self.hold_within, unit, "hold_within")
         for name, value in (("within", within), ("hold_within", rms)):
@@ -257,12 +257,16 @@ def run_move(
 
 
 def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, list[Actuator]]:
-    """Return the model for the tuning, and alternative models for which the loop must keep its margins.
+    """Return the model for the tuning, and a list of other models for which the loop must keep its margins.
 
     Args:
         file: content of the file of the move.
         plant: actuator on the rig, which is the model by default.
         folder: folder of the relative paths in the file.
+
+    Raises:
+        AnalysisError: the file has both a model and a fit, or the fit has no model.
+        QuantityError: an interval has no end, or a spread is wrong.
     """
     if file.model is not None and file.fit is not None:
         raise AnalysisError("a move has 'model', a parameter set, or 'fit', a results.json, not both")

@@ -34,14 +34,17 @@ if TYPE_CHECKING:
 
 
 class PulledRecording(RecordingFile, fields_of(PulledRig, "stiffness", "speed")):
-    """A recording of spring force over the slider's weight (`force_ratio`), with stiffness and speed."""
+    """A recording of the spring force over the slider's weight, channel `force_ratio` (no unit).
+
+    `stiffness` is that of the spring [N/m], and `speed` the speed at which its far end is pulled [m/s].
+    """
 
 
 class PulledAnalysis(Analysis, arguments_of(identify_pulled_slider, "tied")):
     """Request to fit the friction of a pulled slider.
 
-    Exactly one recording has `use: fit`. `mass` is that of the slider, and `tied` is as for
-    `identify_pulled_slider`.
+    Exactly one recording has `use: fit`; the others are predicted. `mass` is that of the slider [kg], and
+    `tied` is as for `identify_pulled_slider`.
     """
 
     kind: Literal["pulled_slider"]
@@ -142,12 +145,13 @@ class _Predicted(NamedTuple):
 
     @property
     def periods(self) -> tuple[float, float]:
-        """Mean period of the events, measured and simulated, s; NaN without events."""
+        """Return the mean period of the stick-slip events, measured and simulated, s; NaN without events."""
         return _mean(self.measured.period), _mean(self.model.period)
 
     @property
     def period_error(self) -> float:
-        """Error of the simulated mean period of the events, % of the measured one; NaN without events."""
+        """Return the deviation of the simulated from the measured mean period, % of the latter; NaN without
+        events."""
         measured, model = self.periods
         return 100.0 * (model / measured - 1.0)
 

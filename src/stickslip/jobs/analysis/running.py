@@ -74,7 +74,8 @@ def run_file(
 def run_analysis(analysis: Any, folder: Path, progress: Progress = unheard) -> Document:
     """Run an identification file whose content was read; return the report.
 
-    RecordingWarnings are issued once each, and are also among the assumptions of the report.
+    A RecordingWarning with the same text is issued only once, and its text is also among the report's
+    assumptions. Raises the errors of the analysis, see its method `run`.
 
     Args:
         analysis: content of the file, such as a `WalkAnalysis`.

@@ -53,9 +53,10 @@ class PositionerSpec(Strict):
 class StepsFile(Strict):
     """Request for a step calibration.
 
-    It has a `positioner` with its `axis` and `bursts` (see `control.Bursts`), or a file of `measured` bursts
-    with the `frequency` of their steps. The position is measured by `sensor` on its axis `sensor_axis`, by
-    default by the positioner itself; `noise` is the standard deviation of a reading.
+    It has a `positioner` with the number of its `axis` and `bursts` (fields of `control.Bursts`), or
+    `measured`, a file of measured bursts, with the `frequency` of their steps [Hz]. The position is measured
+    by `sensor` on its axis `sensor_axis`, by default by the positioner itself; `noise` is the standard
+    deviation of a reading [m, or rad].
     """
 
     title: str = "Steps of a motor"

@@ -31,9 +31,9 @@ class PointsFile(SourceFile):
 class StribeckAnalysis(Analysis):
     """Request to fit a Stribeck curve to points of velocity and force.
 
-    `deviation` is the standard deviation of each force. `exponent` is the exponent of the Stribeck curve;
-    null means that it is fitted. `offset: true` also fits an offset of the force sensor. `tied` is as for
-    `identify_stribeck`.
+    `deviation` is the standard deviation of each force [N], None if unknown. `exponent` is the exponent of
+    the Stribeck curve; null means that it is fitted. `offset: true` also fits an offset of the force sensor.
+    `tied` is as for `identify_stribeck`.
     """
 
     kind: Literal["stribeck"]

@@ -52,24 +52,28 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class GridAxisSpec(AxisSpec):
-    """Axis of a study's grid: the values of one varied quantity."""
+    """Axis of a study's grid: equally spaced values of one varied quantity."""
 
     def values(self, name: str, study: Any) -> list[float]:
-        """Return the values in SI.
+        """Return the values of the axis in SI.
 
         Args:
             name: name of the varied quantity.
             study: measure of the study, which knows the unit of the quantity.
 
         Raises:
-            QuantityError: name or unit is wrong.
+            QuantityError: name or unit is wrong, or a logarithmic axis has an end that is not positive.
         """
         (first, last), _ = study.read(name, [self.start, self.stop])
         return self.between(first, last, f"grid.{name}")
 
 
 class RandomSpec(Strict):
-    """Random quantities of a study, with the fields of `stickslip.study.Random`."""
+    """Random values of quantities in a study, with the fields of `stickslip.study.Random`.
+
+    `ranges` has the range of each quantity by name, `members` is the number of values, and `method` and
+    `seed` choose the random numbers.
+    """
 
     ranges: dict[str, Part[Range]]
     members: Count
@@ -121,8 +125,11 @@ class WalkSpec(Strict):
 
 
 class OwnSpec(Strict):
-    """Measure of a study by a user's own function: `function` is FILE.py:NAME, with a path relative to the
-    study file."""
+    """Measure of a study by a user's own function.
+
+    `function` is FILE.py:NAME, with a path relative to the study file. `units` has the SI units of the varied
+    quantities by name.
+    """
 
     kind: Literal["own"]
     function: str
@@ -132,9 +139,9 @@ class OwnSpec(Strict):
 class StudyFile(ModelOrFit):
     """Content of a study file.
 
-    `drive` is written as in an experiment file. `measure` is the computation for each member. The members are
-    all combinations of `grid`, `random` and `draws`. `summary` is a user's function, FILE.py:NAME; `keep` and
-    `task` are as for `stickslip.study.Study`.
+    `drive` is written as in an experiment file. `measure` is the computation for each member (simulation).
+    The members are all combinations of the values in `grid`, `random` and `draws`. `summary` is a user's
+    function, FILE.py:NAME; `keep` and `task` are as for `stickslip.study.Study`.
     """
 
     kind: Literal["study"]
@@ -229,9 +236,10 @@ def study_of_file(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> 
 
 
 def _table(path: Path) -> dict[str, Any]:
-    """Return the columns of a CSV or NetCDF file by name; raises InputFileError.
+    """Return the columns of a CSV or NetCDF file as arrays by name, without a column "log_posterior".
 
-    A column of a posterior's log probability is left out.
+    Raises InputFileError if the file cannot be read, or if a CSV file has a value that is not a finite
+    number.
     """
     try:
         if path.suffix == ".nc":

@@ -42,7 +42,7 @@ _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_v
 class VerificationAnalysis(Analysis, ModelOrFit):
     """Request to verify a fitted actuator on recordings of walks.
 
-    `delay` [s] is that of the position channel, if not 0; by default that of the fit. `require` are
+    `delay` is the delay of the position channel [s]; 0 means the delay of the fit. `require` lists
     requirements on the predictions, such as "r_squared > 0.99".
     """
 
@@ -54,7 +54,8 @@ class VerificationAnalysis(Analysis, ModelOrFit):
     def run(self, folder: Path, progress: Progress) -> Document:
         """Predict all recordings and check the requirements; return the report.
 
-        Raises the errors of `load_model` and `read_parts`, and AnalysisError for a wrong requirement.
+        Raises the errors of `load_model` and `read_parts`, AnalysisError if a recording has no
+        end_effector_position, and QuantityError for a wrong requirement.
         """
         for text in self.require:
             Requirement.parse(text)
@@ -127,8 +128,8 @@ def _verified(
         predictor: model and signal chain.
         chain: signal chain of the position channel, with the scale and slew rate of the campaign.
         parts: recordings by name.
-        drives: waveform of each recording by its name; None: the recording's attributes or its channel
-            drive_voltage show the drive.
+        drives: waveform of each recording, in the order of `parts`; None: the recording's attributes or its
+            channel drive_voltage show the drive.
     """
     found = []
     for (name, part), drive in zip(parts.items(), drives, strict=True):
@@ -229,13 +230,16 @@ def _pairs(option: str, given: Sequence[str]) -> dict[str, str]:
 def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tuple[dict[str, Any], str]:
     """Return the entry of a recording for a verification file, and a note on guesses ("" without any).
 
+    The entry is a mapping of the fields of `WalkRecording`.
+
     Args:
         file: path of the recording.
         named: columns that the user has named, by name of the channel.
         units: units that the user has named, by name of the channel.
 
     Raises:
-        AnalysisError: a required column is neither named nor found; the message names the option.
+        AnalysisError: a required column is neither named nor found, or there is no channel of a given name;
+            the message names the option.
         RecordingError: the file cannot be read.
     """
     entry: dict[str, Any] = {"file": os.path.abspath(file)}

@@ -78,7 +78,9 @@ class Inherited(NamedTuple):
 
 
 def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> ErrorBudget:
-    """Return the error budget of a friction fit.
+    """Return the error budget of a friction fit: noise, stage, hysteresis and creep, drift, and sensor scale.
+
+    Sources without data are left out. Delay and offset of the sensor are not in the budget.
 
     Args:
         fit: friction fit.
@@ -148,6 +150,8 @@ def inherited(
 ) -> Inherited | None:
     """Return the effect of errors of known values on a friction fit; None for a law without derivatives.
 
+    The known values are the stage's parameters, the scale of the sensor, hysteresis and creep, and drifts.
+
     Args:
         fit: friction fit.
         fitted: walks of the fit.
@@ -164,7 +168,8 @@ def inherited(
     stacked = {name: np.concatenate([c[name] for c in columns]) for name in columns[0]}
     jacobian = by_coordinates(stacked, fit)
     held = np.zeros((0, jacobian.shape[1]))
-    # If the stage was fitted, too, its information from the steps is a prior, as it was in the fit.
+    # If the stage was fitted, too, the fit used the result of the steps as a prior. It is a prior here as
+    # well.
     if stage is not None and freed(fit):
         held = np.zeros((len(freed(fit)), jacobian.shape[1]))
         own = [[p.name for p in stage.parameters].index(fit.parameters[i].name) for i in freed(fit)]

@@ -26,7 +26,10 @@ Use = Literal["piezo", "step", "fit", "verify"]
 
 
 class CellsSpec(Strict):
-    """Recordings of the experiment whose names match a pattern ("step_*") and no earlier pattern."""
+    """Entry for recordings of the experiment: those whose names match the pattern `cells`, such as "step_*".
+
+    Recordings that an earlier pattern matches are left out.
+    """
 
     cells: str
     use: Use
@@ -48,11 +51,11 @@ _CELLS, _OWN = "of an experiment", "of a file"
 
 
 def _kind(one: Any) -> str:
-    """Return `CELLS` or `OWN`, the kind of a recording entry, so that errors are reported for this kind only.
+    """Return `_CELLS` or `_OWN`, the kind of an entry in `recordings`: errors are then reported for it only.
 
     `one` is the entry as a mapping or as a record.
     """
-    if isinstance(one, dict):  # a mistyped key such as "cels" is recognised, too
+    if isinstance(one, dict):  # A mistyped key such as "cels" also marks an entry of an experiment.
         return _CELLS if "file" not in one and any(did_you_mean(str(key), ["cells"]) for key in one) else _OWN
     return _CELLS if isinstance(one, CellsSpec) else _OWN
 

@@ -29,7 +29,7 @@ from .file import CampaignFile, OwnRecordingSpec
 if TYPE_CHECKING:
     import xarray as xr
 
-# Length of the intervals before a step and after its settling over which the position is averaged, s.
+# Length of the two intervals over which the position is averaged, before a step and after its settling, s.
 LEVEL = 0.05
 
 

@@ -90,6 +90,8 @@ def hysteresis_of(file: CampaignFile, recordings: Sequence[Aligned], model: Actu
 def hysteresis_in(data: Sequence[xr.Dataset], model: Actuator, observed: str) -> Hysteresis:
     """Identify hysteresis and creep from recordings of a slow drive to and fro, the end-effector clamped.
 
+    Alternative stages without a part of the recordings, and a straight line for comparison, are fitted, too.
+
     Args:
         data: recordings with drive_voltage.
         model: actuator whose gain and piezo model are replaced.

@@ -48,8 +48,8 @@ T = TypeVar("T")
 class Kept(NamedTuple):
     """Store of a campaign's finished stages (steps of its computation).
 
-    The stages are files in `folder`; if it is None, nothing is stored. `key` is the hash of everything that
-    all stages depend on. `types` are the types of a user's own friction laws, by name.
+    The stages are files in `folder`; if it is None, nothing is stored. `key` is the hash, in hexadecimal, of
+    everything that all stages depend on. `types` has the classes of a user's own friction laws by name.
     """
 
     folder: Path | None = None
@@ -133,13 +133,14 @@ class Kept(NamedTuple):
 
 
 def own_laws(file: CampaignFile, folder: Path) -> list[type]:
-    """Return the types of the user's own friction laws that a campaign compares; [] without any."""
+    """Return the classes of the user's own friction laws that a campaign compares; [] without any."""
     choice = [] if isinstance(file.model_choice, bool) else file.model_choice
     return [type(one.candidate(folder).model) for one in choice if not isinstance(one, str)]
 
 
 def _program() -> str:
-    """Return a hash of the package's Python sources, so that a new version computes all stages again."""
+    """Return a hash of the package's Python sources, in hexadecimal: a new version computes all stages
+    again."""
     found = hashlib.sha256()
     root = Path(__file__).parents[2]
     for path in sorted(root.rglob("*.py")):
@@ -148,7 +149,8 @@ def _program() -> str:
 
 
 def _source(law: type) -> bytes:
-    """Return the content of the file that defines a law, or its name if there is no such file."""
+    """Return the content of the file that defines a law, as bytes, or the law's name if there is no such
+    file."""
     try:
         return Path(inspect.getfile(law)).read_bytes()
     except (OSError, TypeError):

@@ -14,7 +14,8 @@ from .evaluation import CampaignResult
 from .file import CampaignFile
 from .gathering import POSITION
 
-# Time shown before the step, as a fraction of the fitted time after it, which scales with the stage.
+# Part of a step response that is shown before the step, as a fraction of the fitted time after the step. The
+# fitted time is longer for a slower stage.
 _BEFORE = 0.225
 
 

@@ -59,8 +59,8 @@ def _without_steps(found: CampaignResult, rest: list[str], what: str) -> list[st
 def stage_heading(file: CampaignFile, found: CampaignResult, source: str) -> str:
     """Return the heading of a source of errors in the table of the error budget.
 
-    It is the name of the source, with one exception: if the friction fit itself identified parameters of the
-    stage, without information from steps, "stage from the steps" becomes "stage from the friction fit".
+    It is the name `source`, with one exception: if the friction fit itself identified parameters of the
+    stage, without information from steps, "stage from the steps" (`FROM_STEPS`) becomes `FITTED_TOO`.
     """
     is_own = source == FROM_STEPS and freed(found.friction) and not _held_by_steps(file, found)
     return FITTED_TOO if is_own else source

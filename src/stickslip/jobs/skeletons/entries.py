@@ -26,7 +26,7 @@ class Inspected(NamedTuple):
 
     @property
     def drive(self) -> Drive | None:
-        """Return the recording's waveform if a file can describe it by shape and fields, else None."""
+        """Return the recording's waveform if its name and fields describe it in a file, else None."""
         waveform: Any = None if self.taken is None else self.taken.waveform
         return waveform if isinstance(waveform, Drive) else None
 

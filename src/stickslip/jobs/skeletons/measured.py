@@ -34,10 +34,10 @@ def measured_kind(seen: list[Inspected]) -> str:
 
 
 def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
-    """Return the fields of the template for friction loops, and an empty list of missing data.
+    """Return the texts that fill the template for friction loops, by field, and an empty list.
 
-    The fields contain the entries of the recordings (a single recording is split into two parts), and initial
-    values of the laws, estimated from the first recording.
+    The list would name missing data. Among the texts are the entries of the recordings (a single recording is
+    split into two parts), and initial values of the laws, estimated from the first recording.
     """
     recording: Any = seen[0].found.recording
     position, friction = (recording[name].values for name in _CONTACT)
@@ -62,9 +62,10 @@ def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str
 
 
 def piezo(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
-    """Return the fields of the template for a piezo, and an empty list of missing data.
+    """Return the texts that fill the template for a piezo, by field, and an empty list.
 
-    The fields contain the entries of the recordings, and the channel that shows the displacement.
+    The list would name missing data. The texts are the entries of the recordings, and the name of the channel
+    that shows the displacement.
     """
     return {"observed": _observed(seen), "recordings": "\n".join(_fitted_first(seen, folder))}, []
 

@@ -20,10 +20,10 @@ from .examples import example_files, write_examples
 from .measured import LOOPS, PIEZO, STAGE, WALK, loops, measured_kind, piezo
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_TICK = 50e-6  # update interval of the virtual rig's bench, s; sampling intervals are multiples of it
+_TICK = 50e-6  # update interval of the virtual rig, s; sampling intervals are multiples of it
 _STROKE = 0.1057e-6  # gain of the parameter set kang2007, whose values the other initial values follow, m/V
 _IN_PROPORTION = "the friction that is found is in proportion to it"
-MOST_RUN = 10.0  # largest length of a run in a new experiment file, s, even if the recording is longer
+MOST_RUN = 10.0  # longest run in a new experiment file, s, even if the recording is longer
 
 
 class _Kind(NamedTuple):
@@ -86,7 +86,7 @@ def new_file(
         The written files, the command that runs the new file, and what is missing.
 
     Raises:
-        QuantityError: there is no such kind, or it takes no recordings.
+        QuantityError: there is no such kind, it takes no recordings, or `out` has another ending than it.
         RecordingError: a recording cannot be read.
         FileExistsError: a file exists already; then nothing is written.
         OSError: a file cannot be written; then no file is left.
@@ -154,7 +154,7 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
 
 
 def _sliding(gain: float | None, source: str) -> dict[str, str]:
-    """Return the template's fields with initial values of a fit for a linear actuator.
+    """Return the initial values of a fit for a linear actuator, as texts that fill the template, by field.
 
     Args:
         gain: measured gain, m/V; None: unknown.
@@ -173,7 +173,7 @@ def _sliding(gain: float | None, source: str) -> dict[str, str]:
 
 
 def _turning(gain: float | None, source: str) -> dict[str, str]:
-    """Return the template's fields with initial values of a fit for a rotary actuator.
+    """Return the initial values of a fit for a rotary actuator, as texts that fill the template, by field.
 
     They are the linear values, converted with the radius at which the stroke of the linear stage would give
     the measured angle (10 mm, if the gain is unknown).
