@@ -86,8 +86,7 @@ class Control:
         self.holder, self.asking, self._seen = identity, "", self._clock()
 
     def _free(self) -> bool:
-        """Return True if control is free: nobody has it, or the page in control is lost for `PATIENCE`
-        seconds.
+        """Return True if nobody has control, or if its page has been lost for `PATIENCE` seconds.
 
         Also note the time at which the page in control was last connected.
         """

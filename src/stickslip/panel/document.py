@@ -84,8 +84,7 @@ class BenchDocument:
         self.checked = self._check(load_yaml(DEFAULT))
 
     def _check(self, content: dict[str, Any]) -> Checked:
-        """Return the checked content. Nothing is put out, and no user's Python file is run for the first
-        time.
+        """Return the checked content. Nothing is put out, and no new Python file of the user is run.
 
         Raises ValueError or RigError if the content cannot be recorded.
         """
@@ -97,8 +96,7 @@ class BenchDocument:
         return Checked(content, file, found, channel_units(can, found[0].channels, limits), can, limits)
 
     def _planned(self, content: dict[str, Any]) -> tuple[ExperimentFile, PlanningLaboratory]:
-        """Return the content as a record, and a laboratory that knows the rig's capabilities without opening
-        it.
+        """Return the content as a record, and a laboratory that only knows the rig's capabilities.
 
         Raises ValueError if the content is wrong, or names a file outside the panel's folder.
         """
@@ -147,8 +145,7 @@ class BenchDocument:
             self.checked, self._undone = made, []
 
     def _ask(self, made: Checked) -> None:
-        """Call `limits_change` if the new content has other limits; an exception from it refuses the
-        change."""
+        """Call `limits_change` if the new content has other limits; an exception refuses the change."""
         if made.limits != self.checked.limits:
             self.limits_change(self.checked.limits, made.limits)
 
@@ -212,8 +209,7 @@ class BenchDocument:
         self.name = name
 
     def of_runs(self, names: list[str]) -> dict[str, Any]:
-        """Return the content with only the named runs; raises QuantityError for an unknown or missing
-        name."""
+        """Return the content with only the named runs; QuantityError for an unknown or missing name."""
         runs = [run for run in self.checked.content["runs"] if run["name"] in names]
         if not runs or len(runs) < len(set(names)):
             raise QuantityError(f"there is no run {', '.join(names) or 'chosen'}")

@@ -74,7 +74,7 @@ class Model(Strict):
         base = sets.actuator(self.set)
         changes: dict[str, Any] = dict(self.model)
         if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
-            changes["blocked_force_per_volt"] = None  # a field of stages without dynamics only
+            changes["blocked_force_per_volt"] = None  # only stages without dynamics have it
         own = piezo_sliders.values(base.piezo)
         own |= {field: changes.pop(field) for field in own if field in changes}
         piezo = piezo_sliders.with_values(base.piezo, **own)
@@ -203,7 +203,7 @@ def motion(state: SliderState, sets: Sets = PACKAGE) -> ShownMotion:
     end = last + (_period(waveform) or duration)
     first, after = np.searchsorted(found.times, [last * (1 - 1e-12), end * (1 + 1e-12)])
     y, _, x, _, force = found.samples[:, :5].T
-    # voltage before hysteresis and creep of the piezo
+    # Drive voltage, before hysteresis and creep of the piezo act.
     drive = evaluate(waveform.drive(duration), found.times)[0]
     problem = "" if found.outcome == COMPLETE else found.outcome
     loop, unit = (int(first), int(after)), unit_for(actuator, "m")
@@ -306,7 +306,7 @@ def python(state: SliderState, sets: Sets = PACKAGE) -> str:
     arguments = [f"{field}={_literal(value)}" for field, value in changed.items()]
     if actuator.friction != base.friction:
         arguments.append(f"friction={_record(actuator.friction)}")
-    model = f'ss.load_actuator("{state.set}")'  # a saved set is named relative to the panel's folder
+    model = f'ss.load_actuator("{state.set}")'  # a saved set: to be run in the panel's folder
     if arguments:
         model += ".replace(\n    " + ",\n    ".join(arguments) + ",\n)"
     bent = None if actuator.piezo is None else actuator.piezo.hysteresis

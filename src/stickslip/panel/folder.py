@@ -29,8 +29,7 @@ class FolderError(ValueError):
 
 
 class File(NamedTuple):
-    """A file of the folder: name relative to the folder, time of its last change (s since 1970), size
-    (bytes)."""
+    """A file of the folder: name, time of its last change (s since 1970), and size (bytes)."""
 
     name: str
     changed: float
@@ -43,7 +42,7 @@ class _Content(NamedTuple):
 
     changed: int
     folders: list[str]
-    files: list[tuple[str, bool]]  # names, and True for a link
+    files: list[tuple[str, bool]]  # pairs: name, and True for a link
 
 
 class Folder:
@@ -150,6 +149,6 @@ class Folder:
         middle of a message above `_LONGEST_MESSAGE` characters is left out.
         """
         text = text.replace(f"{self.root}{os.sep}", "").replace(str(self.root), "the panel's folder")
-        if len(text) > _LONGEST_MESSAGE:  # may quote a value as long as a file
+        if len(text) > _LONGEST_MESSAGE:  # a message may quote a value as long as a file
             text = f"{text[: _LONGEST_MESSAGE - 300]} ... {text[-300:]}"
         return _ABSOLUTE.sub(r"\1", text)

@@ -37,8 +37,7 @@ _LEFT_OUT = ("settings", "channels", "bytes")  # columns of the index that a lis
 
 
 class NamedRun(Strict):
-    """Request that names a run (recording, fit or other result), or a file in the folder for deleted
-    files."""
+    """Request that names a run (recording, fit or other result), or a file that was deleted."""
 
     name: str = Field(max_length=400)
 

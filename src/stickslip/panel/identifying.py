@@ -72,7 +72,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
 
     @routes.get("/state")
     def state() -> dict[str, Any]:
-        fitting.start_process()  # starts now, because its imports take seconds
+        fitting.start_process()  # the process starts now, because its imports take seconds
         return {**fitting.state, "frames": list(fitting.frames)}
 
     @routes.get("/traces/{kind}")
@@ -150,7 +150,7 @@ def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
     if named and (own := _own_name(root, named[1], available_benches())):
         try:
             bench = load_bench(named[1])
-        except (ParameterSetError, OSError):  # of another version, or deleted
+        except (ParameterSetError, OSError):  # the bench is of another version, or deleted
             return found
         amplifier = bench.amplifier
         slew_rate = min(amplifier.slew_rate, amplifier.max_current / bench.piezo_capacitance)

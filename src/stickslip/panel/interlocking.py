@@ -140,8 +140,10 @@ class Interlocks:
         self.look()
 
     def disarm(self, why: str) -> None:
-        """Disarm an armed output in a thread, without waiting and without errors; `why` is the reason for the
-        log."""
+        """Disarm an armed output in a thread, without waiting; errors are ignored.
+
+        `why` is the reason for the log.
+        """
         threading.Thread(target=self._disarmed, args=(why,), daemon=True).start()
 
     def watch(self) -> None:
@@ -149,14 +151,12 @@ class Interlocks:
         threading.Thread(target=self._watch, daemon=True).start()
 
     def close(self) -> None:
-        """End the updates, and close the connection through which the panel armed the rig, which disarms
-        it."""
+        """End the updates, and disarm the rig if the panel armed it, by closing the connection."""
         self._closing.set()
         self.close_link()
 
     def close_link(self) -> None:
-        """Close the connection through which the panel armed the rig, if any; the rig's process then disarms
-        it."""
+        """Close the connection of the panel, if any; the rig's process disarms what was armed through it."""
         if self._link is not None:
             self._link.close()
             self._link = None

@@ -125,8 +125,7 @@ class Prepared(NamedTuple):
         ]
 
     def regulator(self, asked: LoopSettings) -> Regulator:
-        """Return the regulator with the gains and the filter that `asked` sets, and otherwise tuned
-        values."""
+        """Return the regulator with the values in `asked`, and tuned ones for those that are null."""
         own = self.tuning
         gain, integral = self.cell.actuator.gain, own.pid.integral
         if asked.bandwidth is not None:
@@ -171,8 +170,11 @@ class Moves:
         control.gone.append(self._left)
 
     def prepared(self) -> Prepared:
-        """Return the first run on the bench, tuned, until the experiment changes. Raises ValueError if no
-        loop can be closed (low margins, clamped actuator), RigError if the rig does not answer."""
+        """Return the first run on the bench and its tuned loop; they are kept until the experiment changes.
+
+        Raises ValueError if no loop can be closed (low margins, clamped actuator), RigError if the rig does
+        not answer.
+        """
         content = self._document.checked.content
         content = {**content, "runs": content["runs"][:1]}
         key = json.dumps(content, sort_keys=True, default=str)
@@ -365,7 +367,7 @@ class Moves:
         if first is not None:
             self._rig = rig
             if first.get("do") == "jog" and time.monotonic() - self._jogged > HEARTBEAT:
-                first = {"do": "halt"}  # the button was released meanwhile
+                first = {"do": "halt"}  # the jog button was released meanwhile
             rig.command(**first)
         self._live.add({name: block[name] for name in COLUMNS})
         position = float(block[POSITION][-1])

@@ -50,7 +50,7 @@ def _own_benches(folder: Folder) -> Iterator[str]:
             with nothing_run():
                 load_bench(folder.path(name))
         except (ParameterSetError, QuantityError, RegistryError, OSError):
-            continue  # is a parameter set, or damaged
+            continue  # the file is a parameter set, or damaged
         yield name
 
 

@@ -80,13 +80,13 @@ class Runner:
     ) -> None:
         self._hub, self._live, self._journal, self._rigs, self._read = hub, live, journal, rigs, read
         self._statistics = statistics
-        self.asks: list[Callable[[], None]] = []  # called before a job starts; an error refuses it
-        self.also_stop: list[Callable[[], bool]] = []  # called at a stop; each returns True if it was active
+        self.asks: list[Callable[[], None]] = []  # called before a job starts; an error refuses the job
+        self.also_stop: list[Callable[[], bool]] = []  # stop other activities; True if one was active
         self.beating = Beating()  # passes heartbeats of the page in control on
         self._control: Link | None = None
         self._stopper: Link | None = None  # a stop uses this link, to wait for no other answer
         self._linking = threading.Lock()
-        self._using = threading.Lock()  # held during a run, and while home is set
+        self._using = threading.Lock()  # lock of the rig: held during a run, and while home is set
         self._delivered = 0.0  # time until the rig's process confirmed the stop, s
         self._telling = threading.RLock()  # guards `state`: the run and requests change it
         self._thread: threading.Thread | None = None
@@ -95,7 +95,7 @@ class Runner:
         self._busy = False
         self.position = 0.0
         self.before_ramp = False
-        self._moved, self._volts = False, 0.0  # position measured in this job; last drive, V
+        self._moved, self._volts = False, 0.0  # position measured in this job? last drive voltage, V
         self.state: dict[str, Any] = {
             "number": 0,
             "phase": "idle",
@@ -144,7 +144,7 @@ class Runner:
         """End the run at once with a ramp to 0 V; `why` is the reason. Return False if nothing was active."""
         asked, stopper = time.perf_counter(), self._stopper
         told = stopper is not None and self._busy and self._stop is None
-        if stopper is not None and told:  # comes first, because what follows is slower
+        if stopper is not None and told:  # the stop is sent first: what follows is slower
             with suppress(RigError):
                 stopper.tell_stop(why)
                 threading.Thread(target=self._halt, args=(stopper, asked), daemon=True).start()
@@ -168,13 +168,13 @@ class Runner:
             self._journal(f"{why}: asked for", "warning")
 
     def _halt(self, stopper: Link, asked: float) -> None:
-        """Note the time until the rig's process has confirmed the stop, which may never happen."""
+        """Note the time from `asked` [s] until the rig's process confirms the stop; it may never do so."""
         with suppress(RigError):
             stopper.heard_stop()
             self._delivered = time.perf_counter() - asked
 
     def _follow(self, why: str, asked: float, number: int) -> None:
-        """Repeat a stop through other connections until the output is at 0 V, and show its state."""
+        """Repeat a stop of run `number`, requested at `asked` s, through other links until 0 V; show it."""
         control = self._control
         if control is None:
             return  # the rig was not reached yet: the run itself will check for a stop
@@ -279,7 +279,7 @@ class Runner:
             if self._moved:
                 self.before_ramp = ramped
             with self._telling:
-                self._busy = False  # before the page learns it, because it may start a run at once
+                self._busy = False  # before pages hear of the end: one may start a run at once
                 self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 
     def _recorded(self, job: BenchJob, progress: Progress) -> int:
@@ -328,7 +328,7 @@ class Runner:
     def _finish(self, finished: Callable[[], None]) -> None:
         try:
             finished()
-        except (ValueError, OSError) as error:  # must not keep the next run from starting
+        except (ValueError, OSError) as error:  # an error here must not prevent the next run
             self._journal(f"after the run: {error}", "error")
 
     def _watched(self, job: BenchJob, cell: Cell, rig: Rig) -> Rig:

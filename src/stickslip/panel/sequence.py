@@ -78,8 +78,8 @@ class Sequencer:
         self._hub, self._document, self._runner, self._starter = hub, document, runner, starter
         self._lock = threading.Lock()
         self._telling = threading.Lock()  # guards `state`, which the sequence's thread and requests change
-        self._ending = threading.Event()  # set: sequence and current run end at once
-        self._last = threading.Event()  # set: no further run starts, and a rest ends
+        self._ending = threading.Event()  # if set, the sequence and its current run end at once
+        self._last = threading.Event()  # if set, no further run starts, and a rest between runs ends
         self._thread: threading.Thread | None = None
         self.state: dict[str, Any] = {
             "phase": "idle",

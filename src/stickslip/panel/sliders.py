@@ -98,7 +98,7 @@ ARM = 0.01  # radius at which values of linear actuators are converted for rotar
 # Exponents of the radius in the conversion of a value to a rotary actuator, by unit: m becomes rad, N becomes
 # N m, kg becomes kg m².
 _POWERS = {"m": -1, "N": 1, "kg": 2}
-_STRIBECK_VELOCITY = 1e-3  # in laws made for a contact, m/s
+_STRIBECK_VELOCITY = 1e-3  # initial Stribeck velocity in laws made for a contact, m/s
 _NO_SLIDERS = ("Constant", "Rest")  # waveforms without a change of the voltage
 _ELEMENTS = ("stiffness", "strength")  # fields of a law with several values; each value has a slider
 # Fields of a law that change together with other fields of the same law, in proportion to the powers given
@@ -122,8 +122,7 @@ _BEGIN = {
 
 
 def shapes() -> dict[str, Any]:
-    """Return the classes of the waveforms that the page offers, by name; every required field has a
-    slider."""
+    """Return the waveform classes that the page offers, by name; every required field has a slider."""
     return {
         name: one
         for name, one in registry.waveforms.all()

@@ -40,8 +40,7 @@ _LONGEST_NOTE = 2000  # length to which a note is shortened, characters
 
 
 class Starter:
-    """Starts experiments and the walk home, and adds notes that users write during a run to its
-    recordings."""
+    """Starts experiments and the walk home; adds the notes of users to the recordings of a run."""
 
     def __init__(
         self,
@@ -264,6 +263,6 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob
         if limits.get(name) is not None and sign * position > 0.0:
             limits[name] = sign * max(sign * to_si(limits[name], unit, name), stroke)
     made = check_experiment({**content, "runs": [run], "save_as": [], "limits": limits})
-    out = folder.root / ".rig" / "home"  # deleted after the walk
+    out = folder.root / ".rig" / "home"  # the recording of the walk, deleted afterwards
     remove = partial(shutil.rmtree, out, ignore_errors=True)
     return BenchJob("Home", made, folder.root, out, shown, goal=goal, finished=remove)

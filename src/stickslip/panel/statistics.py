@@ -88,7 +88,7 @@ class Statistics:
             self._ends = {one["name"]: [math.inf, -math.inf] for one in columns}
             self._low, self._high = math.inf, -math.inf
             self._swing = 0.0  # peak-to-peak voltage when the search for steps started, V
-            self._above = True  # the first rise counts only after the drive was below the middle
+            self._above = True  # True at first: a rise counts after the drive was below the middle
             self._at: float | None = None
             self._steps: deque[float] = deque(maxlen=STEPS)
             self._count = 0

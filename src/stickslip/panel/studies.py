@@ -235,7 +235,7 @@ def _said(found: StudyState, runs: bool, fault: str) -> dict[str, Any]:
         fault: last message of a failed run, "" without one.
     """
     task = found.members / found.tasks / found.rate  # time for a task, s
-    lately = time.time() - found.last < max(QUIET, MISSED * task)  # also False without a result (NaN)
+    lately = time.time() - found.last < max(QUIET, MISSED * task)  # False without a result (NaN)
     grows = runs or (lately and not found.finished and not fault)
     rows = [("tasks", f"{found.done:,} of {found.tasks:,}"), ("members", f"{found.members:,}")]
     if grows and math.isfinite(found.rate):

@@ -71,7 +71,7 @@ def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> No
             with path.open("wb") as file:
                 async for part in request.stream():
                     await run_in_threadpool(file.write, part)
-        except BaseException:  # is too large, or the sender has disconnected
+        except BaseException:  # the file is too large, or the sender has disconnected
             shutil.rmtree(path.parent, ignore_errors=True)
             raise
         return await run_in_threadpool(_looked_at, folder, read, path)
