@@ -171,6 +171,7 @@ study-%: $(READY) engine
 figures: $(READY) engine tools
 	$(BIN)/python examples/gallery.py docs
 	$(BIN)/python -m tests.panel.pictures
+	$(BIN)/python -m benchmarks.results docs/gallery.md
 
 release: $(READY)
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python tools/check_release.py $(PYTHONS)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import subprocess
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -49,8 +51,9 @@ def provenance(day: str, where: str, at: str, *more: str) -> str:
 
 
 def write_page(file: Path, text: str) -> None:
-    """Write a page of results; its last line states date, machine and commit."""
-    file.write_text(f"{text.rstrip()}\n\n{made()}\n", encoding="utf-8")
+    """Write a page of results; its last line states date, machine and commit, in place of an earlier one."""
+    body = re.sub(r"\n<sub>[^\n]*</sub>\s*\Z", "", text)
+    file.write_text(f"{body.rstrip()}\n\n{made()}\n", encoding="utf-8")
 
 
 def load(file: Path) -> dict[str, Any]:
@@ -75,3 +78,8 @@ def record(file: Path, part: str, rows: list[Row], versions: dict[str, str], sec
 
 def _rounded(row: Row) -> Row:
     return {name: float(f"{v:.5g}") if isinstance(v, float) else v for name, v in row.items()}
+
+
+if __name__ == "__main__":  # pages whose figures were all made again: python -m benchmarks.results PAGE ...
+    for page in map(Path, sys.argv[1:]):
+        write_page(page, page.read_text(encoding="utf-8"))
