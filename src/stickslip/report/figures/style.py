@@ -53,6 +53,7 @@ _STYLE: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
+    "axes.prop_cycle": f"cycler(color={SERIES})",
     "axes.axisbelow": True,
     "axes.labelsize": 9,
     "axes.titlesize": 9,
@@ -124,18 +125,20 @@ def panels_given(axes: Any, count: int, new: Callable[[], Any]) -> NDArray[Any]:
 
 @drawn
 def panels(
-    heights: Sequence[float], *, width: float = WIDTH, share_x: bool = True
+    heights: Sequence[float], *, columns: int = 1, width: float = WIDTH, share_x: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """Return a new figure of panels one above the other, and its axes from top to bottom.
+    """Return a new figure of panels in rows and columns, and its axes row by row.
 
     Args:
-        heights: height of each panel, inches.
+        heights: height of each row, inches.
+        columns: number of columns.
         width: width of the figure, inches.
-        share_x: True if all panels share one horizontal axis.
+        share_x: True if the panels of one column share one horizontal axis.
     """
     figure = Figure(figsize=(width, sum(heights)))
-    grid = figure.subplots(len(heights), 1, sharex=share_x, squeeze=False, height_ratios=list(heights))
-    axes = list(grid[:, 0])
+    shared = "col" if share_x else False
+    grid = figure.subplots(len(heights), columns, sharex=shared, squeeze=False, height_ratios=list(heights))
+    axes = list(grid.ravel())
     figure.align_ylabels(axes)
     return figure, axes
 
@@ -152,6 +155,7 @@ def trace(axes: Axes, x: ArrayLike | NDArray, y: ArrayLike | NDArray, **how: Any
     return line
 
 
+@drawn
 def legend_above(axes: Axes, columns: int = 4) -> None:
     """Put the legend in rows of up to `columns` entries above the panel, where it hides no data.
 
