@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
@@ -83,3 +89,92 @@ def test_written_bursts_are_read_again(folder: Path, tmp_path: Path) -> None:
     other = read_bursts(tmp_path / "again.csv", "100 Hz")
     for name in one:
         assert other[name].values == pytest.approx(one[name].values, rel=1e-8)
+
+
+MOTOR = """
+import stickslip as ss
+from stickslip.physics import load_actuator
+from stickslip.rig.positioner import Ranges
+from stickslip.rig.protocols import About
+from stickslip.rig.twins.stage import Stage
+from stickslip.rig.twins.axis import steps
+
+@ss.registry.positioners.add
+class Motor:
+    about = About("a stage", "steps", "interferometer", "0 V", "a test")
+    simulated = True
+    ranges = Ranges("motor", (0,), 100.0, 1.0, 1000.0, 100_000, sensor=True, scans=False)
+
+    def __init__(self, fails_after=10**9):
+        self.stage, self.left = Stage(load_actuator("kang2007"), seed=4), fails_after
+
+    def step(self, axis, count, voltage, frequency):
+        self.left -= 1
+        if self.left < 0:
+            raise OSError("the cable is out")
+        for piece in steps(self.stage, count, voltage, frequency):
+            self.stage.play(piece)
+        self.stage.rest(0.1)
+
+    def scan(self, axis, voltage): pass
+    def moving(self, axis): return False
+    def position(self, axis): return self.stage.position
+    def stop(self): print("stopped")
+    def close(self): pass
+"""
+
+
+@pytest.fixture
+def motor(tmp_path: Path) -> Callable[..., Path]:
+    """Return a function that writes the file of a calibration on a simulated motor, with these fields."""
+
+    def written(options: dict[str, int], **bursts: object) -> Path:
+        (tmp_path / "my_motor.py").write_text(MOTOR)
+        plan = {"voltages": ["50 V", "60 V"], "steps": 5, **bursts}
+        own = {"kind": "my_motor.py:Motor", "options": options}
+        file = tmp_path / "steps.yaml"
+        file.write_text(yaml.safe_dump({"positioner": own, "bursts": plan, "noise": "10 nm"}))
+        return file
+
+    return written
+
+
+def test_a_whole_calibration_leaves_one_table_of_bursts(motor: Callable[..., Path], tmp_path: Path) -> None:
+    code, said = run(motor({}, settle=0), "--out", tmp_path / "out")
+    assert code == 0, said
+    assert [one.name for one in (tmp_path / "out").glob("bursts*")] == ["bursts.csv"]
+
+
+def test_an_unregistered_motor_is_refused_with_the_line_to_write(
+    motor: Callable[..., Path], tmp_path: Path
+) -> None:
+    file = motor({})
+    (tmp_path / "my_motor.py").write_text(MOTOR.replace("@ss", "# @ss"))
+    code, said = run(file, "--out", tmp_path / "out")
+    assert code == 2
+    assert "call ss.registry.positioners.add in the file" in " ".join(said.split())
+
+
+def test_an_error_keeps_the_finished_bursts(motor: Callable[..., Path], tmp_path: Path) -> None:
+    code, said = run(motor({"fails_after": 11}, settle=0), "--out", tmp_path / "out")
+    assert code == 1
+    (kept,) = (tmp_path / "out").glob("bursts-*.csv")
+    assert f"the cable is out. the finished bursts are in {kept}" in " ".join(said.split())
+    assert read_bursts(kept, "100 Hz").sizes["burst"] == 11
+
+
+def test_ctrl_c_keeps_the_finished_bursts(motor: Callable[..., Path], tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "stickslip", "steps", str(motor({}, settle=0.2)), "--out", "out"]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    while not list((tmp_path / "out").glob("bursts-*.csv")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, error = process.communicate(timeout=300)
+    (kept,) = (tmp_path / "out").glob("bursts-*.csv")
+    assert process.returncode == 130
+    assert "stopped" in out
+    assert "interrupted; finished bursts are kept in bursts-TIME.csv" in error
+    assert 1 <= read_bursts(kept, "100 Hz").sizes["burst"] < 32

@@ -10,6 +10,8 @@ import typer
 
 from .frame import Arm, Out, Traceback, app, arming, check_output, errors_in_one_line, progress_bar, write
 
+_KEPT = "finished bursts are kept in bursts-TIME.csv in the folder of --out; fit them with measured: FILE"
+
 
 @app.command()
 def steps(
@@ -24,7 +26,7 @@ def steps(
     """Measure the steps of a motor over voltage and direction. Writes steps.json (to count positions without
     a sensor), steps.csv (for a controller that makes equal steps) and bursts.csv (the measurements)."""
     begun = time.perf_counter()
-    with errors_in_one_line(show_traceback):
+    with errors_in_one_line(show_traceback, _KEPT):
         check_output(out)
         from ..jobs.analysis.stepping import calibrate_steps, read_steps
 

@@ -12,7 +12,7 @@ import csv
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -30,6 +30,7 @@ from ..rig.protocols import RigError
 _LIMIT = Quantity("m", "", "the distance between the limits", above=0)
 _NOISE = Quantity("m", "", "the standard deviation of a measured way", minimum=0)
 _COLUMNS = {"voltage": "V", "direction": "", "steps": "", "displacement": "m", "noise": "m"}
+_HEAD = ", ".join(f"{name} [{unit}]" if unit else name for name, unit in _COLUMNS.items())
 _MOST_BYTES = 10_000_000  # largest size of a file of bursts
 _MOST_STEPS = 10_000_000  # largest number of steps from limit to limit
 
@@ -82,6 +83,7 @@ def measure_steps(
     *,
     noise: float | str,
     progress: Progress = unheard,
+    keep: str | os.PathLike[str] | None = None,
 ) -> xr.Dataset:
     """Make bursts of steps and measure their displacements.
 
@@ -92,6 +94,8 @@ def measure_steps(
         bursts: the bursts to make.
         noise: standard deviation of a reading, m.
         progress: function that is called with the activity and the finished fraction.
+        keep: CSV file, replaced, to which each burst is written when it is measured. After an error or an
+            interruption, `read_bursts` reads the finished bursts from it.
 
     Returns:
         Dataset over "burst", for `fit_steps`: voltage (V), direction (1 or -1), steps, displacement (m),
@@ -102,7 +106,7 @@ def measure_steps(
         InterlockError: the positioner is not simulated, and the program not armed.
         RigError, QuantityError: from the positioner; or a reading is not a number.
     """
-    sigma, rows = math.sqrt(2.0) * _NOISE.check(noise, "noise"), []
+    sigma, rows = math.sqrt(2.0) * _NOISE.check(noise, "noise"), _Rows(keep)
     need_armed(positioner)
     for volts in bursts.voltages:
         positioner.ranges.check(axis, int(bursts.steps), volts, bursts.frequency)
@@ -113,11 +117,11 @@ def measure_steps(
             progress("stepping", number / len(plan))
             _step(positioner, axis, direction * int(bursts.steps), volts, bursts)
             now = _reading(sensor)
-            rows.append((volts, direction, bursts.steps, now - before, sigma, reversed_))
+            rows.add(volts, direction, bursts.steps, now - before, sigma, reversed_)
             before = now
     finally:
         positioner.stop()
-    return _dataset(rows, bursts.frequency, positioner.ranges.name)
+    return _dataset(rows.all, bursts.frequency, positioner.ranges.name)
 
 
 def measure_travel(
@@ -129,12 +133,13 @@ def measure_travel(
     *,
     error: float | str = 0.0,
     progress: Progress = unheard,
+    keep: str | os.PathLike[str] | None = None,
 ) -> xr.Dataset:
     """Count the steps from limit to limit, for each voltage and direction, `repeats` times; return a dataset
     over "burst" for `fit_steps`, with the variables of `measure_steps`.
 
     Args:
-        positioner, axis, progress: as for `measure_steps`.
+        positioner, axis, progress, keep: as for `measure_steps`.
         at_limit: function that returns 1 at the upper limit, -1 at the lower, 0 in between.
         travel: distance between the limits, m.
         bursts: plan; its `steps` are made between two checks of the limit. The limit lies within the last
@@ -148,7 +153,7 @@ def measure_travel(
     """
     way, repeats = _LIMIT.check(travel, "travel"), _NOISE.check(error, "error")
     need_armed(positioner)
-    rows = []
+    rows = _Rows(keep)
     try:
         _to_limit(positioner, axis, at_limit, -1, max(bursts.voltages), bursts)
         total = int(bursts.repeats) * len(bursts.voltages)
@@ -157,12 +162,33 @@ def measure_travel(
                 progress("from limit to limit", (repeat * len(bursts.voltages) + number) / total)
                 for direction in (1, -1):
                     count = _to_limit(positioner, axis, at_limit, direction, volts, bursts)
+                    if count == 0:
+                        raise RigError("the axis is at both limits at once: check the function at_limit")
                     unsure = bursts.steps / math.sqrt(12.0) * way / count
                     sigma = math.hypot(unsure, math.sqrt(2.0) * repeats)
-                    rows.append((volts, direction, count - 0.5 * bursts.steps, direction * way, sigma, True))
+                    rows.add(volts, direction, count - 0.5 * bursts.steps, direction * way, sigma, True)
     finally:
         positioner.stop()
-    return _dataset(rows, bursts.frequency, positioner.ranges.name)
+    return _dataset(rows.all, bursts.frequency, positioner.ranges.name)
+
+
+class _Rows:
+    """Measured bursts: rows with the values of `_COLUMNS` (SI) and True after a change of direction.
+
+    If a file is given, each row is also a line of it, written at once.
+    """
+
+    def __init__(self, file: str | os.PathLike[str] | None) -> None:
+        self.all: list[tuple[float, ...]] = []
+        self._file = None if file is None else Path(file)
+
+    def add(self, *row: float) -> None:
+        """Add a burst."""
+        if self._file is not None:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            with self._file.open("a" if self.all else "w", encoding="utf-8") as file:
+                file.write(("" if self.all else f"{_HEAD}\n") + f"{_line(row)}\n")
+        self.all.append(row)
 
 
 def _to_limit(
@@ -268,7 +294,11 @@ def read_bursts(path: str | os.PathLike[str], frequency: float | str) -> xr.Data
 
 def write_bursts(bursts: xr.Dataset, path: str | os.PathLike[str]) -> None:
     """Write bursts, a dataset from `measure_steps`, as the CSV file that `read_bursts` reads, in SI units."""
-    head = ", ".join(f"{name} [{unit}]" if unit else name for name, unit in _COLUMNS.items())
     rows = np.column_stack([bursts[name].values for name in _COLUMNS]).tolist()
-    lines = [head, *(", ".join(f"{value:.9g}" for value in row) for row in rows)]
+    lines = [_HEAD, *map(_line, rows)]
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _line(row: Sequence[float]) -> str:
+    """Return the line of a burst in a CSV file; only the values of `_COLUMNS`, which are first in `row`."""
+    return ", ".join(f"{value:.9g}" for value in row[: len(_COLUMNS)])

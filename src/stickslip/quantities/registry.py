@@ -38,6 +38,8 @@ from .units import QuantityError
 T = TypeVar("T")
 
 _PACKAGE = __name__.partition(".")[0]
+# Functions that register a user's own object of some kinds; of all others, `add` of the registry does.
+_REGISTERING = {"law": "ss.friction.register", "reader": "stickslip.recording.readers.source.add_format"}
 _USING = threading.RLock()
 _USED: dict[str, tuple[str, ModuleType]] = {}  # path of a user's file -> hash of its content, its module
 _RUNS: ContextVar[bool] = ContextVar("runs", default=True)  # False within `nothing_run`
@@ -113,14 +115,15 @@ class Kind:
         return self._of_file(Path(path) if folder is None else allowed_file(path, folder), name)
 
     def _of_file(self, path: Path, name: str) -> Any:
-        use_file(path)
+        module = use_file(path)
         place = str(path.resolve())
         there = {one: of[place] for one, of in self._things.items() if place in of}
+        if name not in there and hasattr(module, name):
+            how = _REGISTERING.get(self.noun, f"ss.registry.{self.plural}.add")
+            raise RegistryError(f"{path}: {name} is no {self.noun} yet: call {how} in the file")
         if name not in there:
-            raise RegistryError(
-                f"{path} has no {self.noun} {name!r}{did_you_mean(name, there)}; "
-                f"it has {', '.join(there) or 'none'}"
-            )
+            known = f"{did_you_mean(name, there)}; it has {', '.join(there) or 'none'}"
+            raise RegistryError(f"{path} has no {self.noun} {name!r}{known}")
         return there[name]
 
     def _by_name(self, name: str) -> Any:

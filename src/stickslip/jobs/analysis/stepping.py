@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +84,9 @@ def read_steps(path: str | os.PathLike[str]) -> tuple[StepsFile, Path]:
         raise explain(path, error, content=content) from error
 
 
-def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dataset, StepLaw]:
+def run_steps(
+    file: StepsFile, folder: Path, progress: Progress, keep: Path | None = None
+) -> tuple[xr.Dataset, StepLaw]:
     """Make bursts of steps, or read measured ones, and fit the step law; return the bursts and the law.
 
     A burst is a group of equal steps. The step law gives the step size over voltage and direction, see
@@ -93,6 +96,7 @@ def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dat
         file: request for a step calibration.
         folder: folder of the relative paths in the file.
         progress: called with the current activity and the finished fraction, from 0 to 1.
+        keep: CSV file to which each burst is written when it is measured; None for no file.
 
     Raises:
         AnalysisError: the file names both a positioner and measured bursts, or neither, or measured bursts
@@ -109,7 +113,7 @@ def run_steps(file: StepsFile, folder: Path, progress: Progress) -> tuple[xr.Dat
             )
         bursts = read_bursts(folder / file.measured, file.frequency)
     else:
-        bursts = _made(file, folder, progress)
+        bursts = _made(file, folder, progress, keep)
     progress("fitting", 0.9)
     return bursts, fit_steps(bursts)
 
@@ -118,9 +122,17 @@ def calibrate_steps(file: StepsFile, folder: Path, out: Path, progress: Progress
     """Run a step calibration as `run_steps` does, write its results, and return its report.
 
     The files steps.json (step law), bursts.csv (measured bursts) and, if possible, steps.csv (table of equal
-    steps for a controller) are written into the folder `out`. The errors are those of `run_steps`.
+    steps for a controller) are written into the folder `out`. The errors are those of `run_steps`. If the
+    calibration ends early, the finished bursts remain in ``out/bursts-TIME.csv``, and the error says so.
     """
-    bursts, law = run_steps(file, folder, progress)
+    keep = out / f"bursts-{datetime.now():%Y%m%dT%H%M%S}.csv"
+    try:
+        bursts, law = run_steps(file, folder, progress, keep)
+    except BaseException as error:
+        if keep.exists():
+            error.add_note(f"the finished bursts are in {keep}; fit them with measured: {keep.name}")
+        raise
+    keep.unlink(missing_ok=True)
     document = view(law, file.title)
     out.mkdir(parents=True, exist_ok=True)
     write_bursts(bursts, out / "bursts.csv")
@@ -132,7 +144,7 @@ def calibrate_steps(file: StepsFile, folder: Path, out: Path, progress: Progress
     return document
 
 
-def _made(file: StepsFile, folder: Path, progress: Progress) -> xr.Dataset:
+def _made(file: StepsFile, folder: Path, progress: Progress, keep: Path | None) -> xr.Dataset:
     assert file.positioner is not None
     if file.bursts is None:
         raise AnalysisError(
@@ -150,7 +162,13 @@ def _made(file: StepsFile, folder: Path, progress: Progress) -> xr.Dataset:
                 f'steps: {motor.ranges.name} has no sensor: name one, sensor: {{kind: "my_camera.py:Camera"}}'
             )
         return measure_steps(
-            motor, file.axis, lambda: shows.position(axis), bursts, noise=file.noise, progress=progress
+            motor,
+            file.axis,
+            lambda: shows.position(axis),
+            bursts,
+            noise=file.noise,
+            progress=progress,
+            keep=keep,
         )
     finally:
         motor.close()
