@@ -257,8 +257,10 @@ class Regulator:
 
     def state_space(self) -> tuple[Array, Array, Array, float]:
         """Return A (n, n), B (n,), C (n,) and D (a number) of the regulator without feedforward and limits:
-        x' = A x + B e, u = C x + D e, with the states x (filters first, then the PID's three), the states x'
-        at the next tick, the error e [m] and the voltage u [V]."""
+        x' = A x + B e, u = C x + D e.
+
+        x are the states (filters first, then the PID's three), x' the states at the next tick, e is the error
+        [m], and u the voltage [V]."""
         rows = [(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)]
         rows += [_section(section.coefficients) for section in self.sections]
         a, b, c, d = rows[0]

@@ -248,12 +248,12 @@ class Steps:
 
     @property
     def forward(self) -> float:
-        """Return the learned ratio of forward steps to those of the table, 0.1 to 10."""
+        """Return the learned size of forward steps over the size in the table, 0.1 to 10."""
         return self.of.ways[0].factor
 
     @property
     def backward(self) -> float:
-        """Return the learned ratio of backward steps to those of the table, 0.1 to 10."""
+        """Return the learned size of backward steps over the size in the table, 0.1 to 10."""
         return self.of.ways[1].factor
 
     def size(self, voltage: float, direction: int) -> float:

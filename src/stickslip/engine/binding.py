@@ -22,9 +22,11 @@ from .library import library
 
 Array = NDArray[np.float64]
 _NULL = ffi.NULL
-# Number of columns of the account of work, integrals over time up to each sample. Per unit of mass: b u dq/dt
-# and c (dq/dt)^2, summed over the modes (drive b, damping c). Then f s, summed over the elements (force f,
-# sliding speed s), and f dq/dt of the last mode.
+# Number of columns of the account of work. Each is an integral over time, up to each sample, of a power:
+# - b u dq/dt summed over the modes (drive u, its coefficient b), per unit of mass;
+# - c (dq/dt)^2 summed over the modes (damping c), per unit of mass;
+# - f s summed over the elements (force f, sliding velocity s);
+# - f dq/dt of the last mode.
 TERMS = 4
 _SHARES = ("velocity", "push", "position", "feed")
 
@@ -34,6 +36,13 @@ class ComposedPlant:
 
     Args:
         plant: see `plant.system.Plant`.
+
+    Attributes:
+        struct: pointer to the C struct `plant`.
+        laws: how the engine runs the law of each element.
+        states: number of states of the plant.
+        columns: number of columns of its samples: the states, then the output of each element (at least one).
+        resume_size: number of internal numbers of the solver, see `integrate`.
 
     Raises:
         QuantityError: the plant is larger than the engine allows, or pushes a mode along which the normal
@@ -52,14 +61,13 @@ class ComposedPlant:
         for m, mode in enumerate(plant.modes):
             self.struct.mode[m] = tuple(mode)
         self.laws: list[EngineLaw] = []
-        self._arrays: list[Any] = []  # kept alive, because the engine has pointers into them
+        self._arrays: list[Any] = []  # arrays that must exist as long as the struct, which points into them
         for e, one in enumerate(plant.elements):
             self._fill(self.struct.element[e], one)
         if lib.stickslip_compose(self.struct) != lib.DONE:
             raise QuantityError(_too_large(plant, lib))
         _refuse_shared_place(self.struct)
         self.states: int = self.struct.states
-        # Columns of samples: the states, then the output of each element.
         self.columns = self.states + max(len(plant.elements), 1)
         self.resume_size: int = lib.stickslip_resume_size(self.struct)
 
@@ -84,7 +92,7 @@ class ComposedPlant:
 
 
 class DriveTable:
-    """A drive or a load (see `waveform.drive.Drive`) as a struct of the engine."""
+    """Segment table of a drive or a load (`waveform.drive.Drive`) as a C struct of the engine, `struct`."""
 
     def __init__(self, drive: Any) -> None:
         self.struct: Any = ffi.new("struct table *")
@@ -120,11 +128,12 @@ def integrate(
         load: normal force over its reference.
         q: state [plant.states] at the start; becomes the state at the time reached.
         span: start and end, s.
-        tolerance: m, on positions.
+        tolerance: bound of the local error of positions, m (rad for a rotary actuator).
         careful: True if small vibrations of sticking contacts must be resolved.
         max_steps: largest number of accepted plus rejected steps.
         times: s, of the samples, ascending.
-        samples: states and outputs of the elements [times, plant.columns], filled up to the time reached.
+        samples: states and outputs of the elements (N for a contact) [times, plant.columns], filled up to the
+            time reached.
         resume: internal numbers of the solver [plant.resume_size] from which to continue, replaced by those
             at the end; zeros: start from q.
         account: account of work [times, TERMS], filled; it does not change the steps.
@@ -162,8 +171,8 @@ def filled_task(
     times: Array,
     samples: Array,
 ) -> Any:
-    """Return the C struct of a task with the arguments of `integrate`. Their arrays must exist as long as the
-    struct.
+    """Return the C struct `stickslip_task` with the arguments of `integrate`, whose arrays must exist as long
+    as the struct.
 
     Raises:
         TypeError, ValueError: see `integrate`.
@@ -182,12 +191,12 @@ def filled_task(
 def called(function: Any, laws: Sequence[EngineLaw], task: Any, *further: Any) -> int:
     """Call a function of the engine with a task, and return its outcome (see `engine.outcome`).
 
-    With a law in plain Python, the task gets a flag through which an exception of the law stops the run.
+    If a law runs as plain Python, the task gets a flag through which an exception of the law stops the run.
 
     Args:
         function: function of the C library.
-        laws: laws of the elements.
-        task: struct with a field `stop`.
+        laws: laws of the elements, as the engine runs them.
+        task: pointer to a C struct with a field `stop`, the first argument of the function.
         further: further arguments of the function.
 
     Raises:
@@ -225,7 +234,8 @@ def contiguous(values: Array) -> Any:
 
 
 def sized(name: str, array: NDArray[Any], size: int) -> None:
-    """Raise ValueError if an array does not have `size` numbers, which the engine needs."""
+    """Raise ValueError, with the `name` of the array, unless an array has the `size` that the engine
+    needs."""
     if array.size != size:
         raise ValueError(f"{name} has {array.size} numbers; the engine needs {size}")
 
@@ -235,8 +245,10 @@ def _bits(shares: tuple[float | None, ...]) -> int:
 
 
 def _refuse_shared_place(struct: Any) -> None:
-    """Raise QuantityError for a plant whose step cannot be solved: one element's normal force depends on a
-    mode that another element pushes."""
+    """Raise QuantityError for a plant (C struct) whose integration step cannot be solved.
+
+    This is so if the normal force of an element depends on the position of a mode that another element
+    pushes, or if the element pushes no mode."""
     elements = [struct.element[e] for e in range(struct.elements)]
     for e, one in enumerate(elements):
         if one.along and not one.pushed:

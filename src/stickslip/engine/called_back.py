@@ -1,7 +1,7 @@
-"""Run a user's law by its plain Python functions, which the engine calls back.
+"""Run a user's law, or piezo model, by its plain Python functions, which the engine in C calls.
 
-An exception of such a function cannot pass through C: it is kept, the engine is stopped, and `running` raises
-it after the engine's return.
+An exception of such a function cannot pass through C. So the exception is stored, the engine is stopped, and
+`running` raises the exception after the engine has returned.
 """
 
 from __future__ import annotations
@@ -17,13 +17,16 @@ from .interface import Interface
 from .law_struct import begun
 from .translator import BOOL, INT, Array, Record
 
-_MOST_RECORDS = 256  # largest number of records in the cache of a law
+_MOST_RECORDS = 256  # largest number of records in the cache of a law; a full cache is emptied
 _THREAD = threading.local()
 
 
 @contextmanager
 def running() -> Iterator[Any]:
-    """Yield a flag that stops the engine when a user's law raises; after the run, raise that exception."""
+    """Yield a pointer to a C integer, the flag by which the engine sees that a user's law has raised an
+    exception. On leaving the context, raise that exception.
+
+    The flag counts only for calls from the present thread."""
     before = getattr(_THREAD, "run", None)
     flag = ffi.new("int32_t *", 0)
     _THREAD.run = run = [flag, None]
@@ -50,12 +53,13 @@ def _stopped() -> bool:
 
 
 def law(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]:
-    """Return the C struct of a law whose functions call Python, and objects that must exist as long.
+    """Return the C struct of a law whose functions call Python, and a tuple of objects that must exist as
+    long as the struct.
 
     Args:
-        record: the user's record.
-        kind: its type, as the translator sees it.
-        interface: struct of friction laws, or of piezo models.
+        record: the user's record: a friction law, or a piezo model.
+        kind: the translator's type of the record.
+        interface: declaration of the C struct, for friction laws or for piezo models.
     """
     made, name = begun(interface, kind)
     records = _Records(record, kind, made.parameters)
@@ -72,12 +76,13 @@ def law(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]:
 
 
 class _Records:
-    """Function from a C pointer to a row of parameters to the record with these numbers; it caches records.
+    """Callable that gets a C pointer to a row of parameters, and returns the record with these numbers.
+    Records are cached.
 
     Args:
-        template: record with the fields that are not numbers.
-        kind: type of the record.
-        count: numbers in a row.
+        template: record of this type, which provides the fields that are not numbers.
+        kind: the translator's type of the record.
+        count: number of parameters in a row.
     """
 
     def __init__(self, template: Any, kind: Record, count: int) -> None:
@@ -96,7 +101,8 @@ class _Records:
 
 
 def _filled(template: Any, kind: Record, values: Iterator[float]) -> Any:
-    """Return a copy of a record with its numbers replaced by `values`, without its checks."""
+    """Return a copy of the record `template` with its numbers replaced by the next `values`, without checks;
+    `kind` is the translator's type of the record."""
     fields = template._asdict()
     for name, inner in kind.fields:
         if isinstance(inner, Record):
@@ -109,8 +115,11 @@ def _filled(template: Any, kind: Record, values: Iterator[float]) -> Any:
 
 
 def _of_two(said: str, function: Callable[..., Any], records: _Records) -> Callable[..., None]:
-    """Return a C callback for a Python function with two results: it writes the force, and the rate of the
-    state; NaN if the function raises. `said` names the function in messages."""
+    """Return a function for a C callback that calls a Python function with two results (force and rate of the
+    state, for a friction law), and writes them through its last two pointers.
+
+    Both are NaN if the function raises an exception, or an earlier call has. `said` names the function in
+    messages; `records` converts the row of parameters to a record."""
 
     def call(p: Any, *given: Any) -> None:
         *arguments, force, dz = given
@@ -119,7 +128,7 @@ def _of_two(said: str, function: Callable[..., Any], records: _Records) -> Calla
             return
         try:
             force[0], dz[0] = function(records(p), *arguments)
-        except BaseException as error:  # also KeyboardInterrupt, which must stop the run
+        except BaseException as error:  # KeyboardInterrupt, too, must stop the run
             force[0] = dz[0] = math.nan
             _failed(error, _called(said, arguments))
 
@@ -129,8 +138,9 @@ def _of_two(said: str, function: Callable[..., Any], records: _Records) -> Calla
 def _of_one(
     said: str, function: Callable[..., Any], records: _Records, kind: type[int] | type[float]
 ) -> Callable[..., Any]:
-    """Return a C callback for a Python function with one result of the type `kind`; if it raises, NaN or 0.
-    `said` names the function in messages."""
+    """Return a function for a C callback that returns the result, of the type `kind`, of a Python function;
+    NaN (0 for int) if the function raises an exception, or an earlier call has. Other arguments as for
+    `_of_two`."""
     none: Any = 0 if kind is int else math.nan
 
     def call(p: Any, *arguments: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Compile a user's law, translated to C, with the machine's C compiler."""
+"""Compile a user's friction law or piezo model, translated to C, with the machine's C compiler."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from .interface import Interface
 from .library import SOURCES
 from .translator import Record, Translation, TranslationError
 
-# Without fused multiply-add, so that C rounds as Python does.
+# Flags of the compiler. Fused multiply-add is off, so that C rounds as Python does.
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
-LONGEST = 60.0  # s, after which a compiler that hangs is stopped
+LONGEST = 60.0  # time after which a compiler that hangs is stopped, s
 
 
 @functools.cache
 def compiler() -> tuple[str, ...] | None:
     """Return the command of the machine's C compiler, split into words: the variable CC, else cc, gcc or
-    clang; None if there is none, or on Windows."""
-    if sys.platform == "win32":  # Microsoft's compiler takes other flags
+    clang; None without a compiler, or on Windows."""
+    if sys.platform == "win32":  # Microsoft's compiler does not understand `FLAGS`
         return None
     given = shlex.split(os.environ.get("CC", ""))
     for command in (given, ["cc"], ["gcc"], ["clang"]):
@@ -36,8 +36,12 @@ def compiler() -> tuple[str, ...] | None:
 
 
 def source(kind: Record, interface: Interface) -> str:
-    """Return the C source of a law (or of another record of the interface), with a function that returns its
-    struct.
+    """Return the C source of a record type, with an exported function stickslip_packaged_NAME(i) that returns
+    a pointer to its struct for i = 0. NAME is that of the interface.
+
+    Args:
+        kind: the translator's type of the record.
+        interface: declaration of the C struct, for friction laws or for piezo models.
 
     Raises:
         TranslationError: a function of the law cannot be translated.
@@ -60,8 +64,10 @@ def source(kind: Record, interface: Interface) -> str:
 
 
 def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any] | None:
-    """Return the struct of a compiled law and the library that contains it; None if there is no compiler, or
-    the law cannot be translated or compiled."""
+    """Return a pointer to the C struct of a compiled law, and the opened library, which must exist as long.
+    Return None if there is no compiler, or the law cannot be translated or compiled.
+
+    The arguments are those of `called_back.law`; `record` is not used."""
     command = compiler()
     if command is None:
         return None
@@ -69,7 +75,8 @@ def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]
         text = source(kind, interface)
     except TranslationError:
         return None
-    # Only this user can access the folder; an opened library stays loaded when its file is deleted.
+    # Only this user can access the folder, so nobody can replace the library before it is opened. An opened
+    # library stays loaded when its file is deleted.
     with tempfile.TemporaryDirectory(prefix="stickslip-", ignore_cleanup_errors=True) as folder:
         file, library = Path(folder, "law.c"), Path(folder, "law.so")
         file.write_text(text, encoding="utf-8")

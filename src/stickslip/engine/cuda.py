@@ -26,10 +26,12 @@ from .nvrtc import GpuError
 
 __all__ = ["AT_ONCE", "integrate_members", "missing", "refused"]
 
-# Number of blocks of members that are processed at the same time: one is integrated, the next is prepared.
+# Number of blocks of members that are processed at the same time: the GPU integrates one, while the processor
+# prepares the next.
 AT_ONCE = 2
 DRIVER = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"
-# Constants of cuda.h: flag of a stream, and the attributes of a device that give its compute capability.
+# Constants of cuda.h: flag of a stream that runs beside the default one, and numbers of the two attributes of
+# a device that give its compute capability.
 _NON_BLOCKING, _MAJOR, _MINOR = 1, 75, 76
 
 ffi = FFI()
@@ -65,7 +67,7 @@ _COMPILING = threading.Lock()
 
 @functools.cache
 def missing() -> str:
-    """Return the reason why nothing can run on a GPU here; an empty text if it can."""
+    """Return the reason why this machine cannot run the engine on a GPU; "" if it can."""
     if nvrtc.library() is None:
         return "NVRTC is not installed (extra stickslip[cuda])"
     try:
@@ -94,7 +96,8 @@ def integrate_members(
             load.
         values: numbers of each plant, see `members.ComposedMembers`.
         states, spans, tolerance, careful, max_steps: see `members.integrate_members`.
-        results: outcomes, times reached [s] and steps tried; in place, as the states.
+        results: three arrays [members] that are filled in place, as the states are: outcomes (members that
+            are not DONE at the start are left out), times reached [s], and steps tried.
 
     Raises:
         GpuError: the GPU, its driver or its compiler failed.
@@ -124,8 +127,9 @@ def integrate_members(
 
 
 def _fill_table(to: Any, table: Any, memory: _Memory) -> None:
-    """Copy the segment tables of one drive, or of many (`waveform.members.Drives`), to the GPU, and store
-    their addresses in the struct `to`."""
+    """Copy a segment table (`waveform.drive.Drive`), or the tables of many drives
+    (`waveform.members.Drives`), to the GPU, and store sizes and addresses of the arrays in the C struct
+    `to`."""
     to.segments, to.harmonics = table.start.shape[-1], table.harmonic.shape[-2]
     for name in ("start", "polynomial", "harmonic", "first"):
         dtype = np.int64 if name == "first" else np.float64
@@ -138,14 +142,14 @@ class _Memory:
     def __init__(self) -> None:
         self.stream: Any = ffi.NULL
         self._addresses: list[int] = []
-        self._sent: list[Any] = []  # arrays that the driver reads until the stream is synchronised
+        self._sent: list[Any] = []  # arrays that must exist until the stream has copied them
 
     @classmethod
     @contextmanager
     def opened(cls) -> Iterator[_Memory]:
         """Yield GPU memory and a stream for one launch; both are freed at the end."""
         made = cls()
-        _call("cuCtxSetCurrent", _device()[0])  # each thread must set the GPU context
+        _call("cuCtxSetCurrent", _device()[0])  # the driver needs this call in each thread
         made.stream = _got("void **", "cuStreamCreate", _NON_BLOCKING)
         try:
             yield made
@@ -156,7 +160,7 @@ class _Memory:
             driver().cuStreamDestroy_v2(made.stream)
 
     def sent(self, array: NDArray[Any]) -> Any:
-        """Copy an array to the GPU; return the pointer to the copy."""
+        """Copy an array to new memory of the GPU; return the pointer to the copy."""
         array = np.ascontiguousarray(array)
         address = _got("address *", "cuMemAlloc_v2", max(array.nbytes, 8))
         self._addresses.append(address)
@@ -166,7 +170,8 @@ class _Memory:
         return ffi.cast(kind, address)
 
     def received(self, pointer: Any, array: NDArray[Any]) -> None:
-        """Copy an array from the GPU pointer back into `array`."""
+        """Copy memory of the GPU, from `pointer` on, into `array`; complete only after the stream is
+        synchronised."""
         _call("cuMemcpyDtoHAsync_v2", _bytes(array), ffi.cast("address", pointer), array.nbytes, self.stream)
 
 
@@ -195,8 +200,8 @@ def _device() -> tuple[Any, int]:
 
 @functools.cache
 def _function(text: str) -> Any:
-    """Return the kernel for the layout that `text` (the header layout.h) describes; it is compiled once per
-    process."""
+    """Return the compiled kernel, as a function of the driver, for the layout of plants that `text`, the
+    header layout.h, describes. Each layout is compiled once per process."""
     context, capability = _device()
     _call("cuCtxSetCurrent", context)
     known = max((one for one in nvrtc.architectures() if one <= capability), default=capability)
@@ -207,8 +212,8 @@ def _function(text: str) -> Any:
 
 
 def _got(kind: str, name: str, *arguments: Any) -> Any:
-    """Call a function of the driver that writes its first argument, of the C type `kind`; return what it
-    wrote."""
+    """Call a function of the driver that writes a result through its first argument, a pointer of the C type
+    `kind`; return the result. Raises GpuError if the function fails."""
     found: Any = ffi.new(kind)
     _call(name, found, *arguments)
     return found[0]

@@ -20,14 +20,14 @@ from .members import numbers_of
 from .sizes import largest, sizes
 from .translator import Record, Translation, record_type
 
-# Number of threads in a block, and of blocks on a multiprocessor at the same time: each thread may then use
-# 128 of the 65,536 registers.
+# Number of threads in a block of the GPU, and of blocks that run on a multiprocessor at the same time. Each
+# thread may then use 128 of the multiprocessor's 65,536 registers.
 THREADS, BLOCKS = 128, 4
-# Compound literals of structs in C99, `(struct cut){...}`, which are `cut{...}` in C++.
+# Pattern of a compound literal of a struct in C99, `(struct cut){...}`, which is written `cut{...}` in C++.
 _LITERAL = re.compile(r"\((?:struct )?(OF\(\w+\)|\w+)\)\{")
-# Definitions of functions that are static, but not inline.
+# Pattern of the definition of a function that is static, but not inline.
 _FUNCTION = re.compile(r"^static (?!inline|const)(?=[^=;{]*\()", re.MULTILINE)
-# Headers that the CUDA compiler lacks; it provides the functions of math.h itself.
+# Standard headers that NVRTC does not have, by name. The functions of math.h are built into NVRTC.
 _STANDARD = {
     "math.h": "#define NAN __longlong_as_double(0x7ff8000000000000LL)\n"
     "#define INFINITY __longlong_as_double(0x7ff0000000000000LL)\n",
@@ -36,7 +36,7 @@ _STANDARD = {
     "stdint.h": "typedef int int32_t;\ntypedef unsigned int uint32_t;\ntypedef long long int64_t;\n",
     "stdlib.h": "#include <stddef.h>\n",
 }
-# C definition of a law's struct, and one field of it.
+# Patterns of the C definition of a law's struct, and of one field in it.
 _STRUCT = re.compile(r"^static const struct law \w+ = \{.*?^\};", re.MULTILINE | re.DOTALL)
 _FIELD = re.compile(r"^    \.(\w+) = (.*),$", re.MULTILINE)
 _KINDS = dict.fromkeys(("parameters", "smooth", "period"), "int ")
@@ -45,7 +45,7 @@ _SUMS = ("modes", "elements", "states", "statics", "loaded", "branched", "sample
 
 
 def as_cpp(text: str) -> str:
-    """Return C source of the engine as C++20, in which literals of structs are written differently."""
+    """Return C source of the engine as C++20: literals of structs, which differ, are rewritten."""
     return _LITERAL.sub(r"\1{", text)
 
 
@@ -72,8 +72,9 @@ def kernel() -> str:
 
 
 def layout(plant: Any, values: Array) -> tuple[str, Array]:
-    """Return the text of the header `layout.h` for plants of one layout, and the numbers in which they differ
-    [numbers, members].
+    """Return the text of the header `layout.h` for plants of one layout, and an array [numbers, members] of
+    the numbers in which the plants differ. The header contains sizes, laws, and the C function `fill_plant`,
+    which makes a plant from one column of the array.
 
     Args:
         plant, values: see `members.ComposedMembers`.
@@ -105,7 +106,12 @@ def layout(plant: Any, values: Array) -> tuple[str, Array]:
 
 
 def _constants(struct: Any, kinds: tuple[Record, ...]) -> Iterator[str]:
-    """Yield the lines of `fill_plant` for the numbers that are the same in all plants of a layout."""
+    """Yield the C lines of `fill_plant` for members of the struct `plant` that are the same in all plants.
+
+    Args:
+        struct: C struct of any of the plants.
+        kinds: the translator's type of the law of each element.
+    """
     for name in _SUMS:
         yield f"P->{name} = {getattr(struct, name)};"
     for e, kind in enumerate(kinds):
@@ -116,7 +122,7 @@ def _constants(struct: Any, kinds: tuple[Record, ...]) -> Iterator[str]:
 
 
 def refused(law: EngineLaw) -> str:
-    """Return the reason why a law cannot run on a GPU; an empty text if it can."""
+    """Return the reason why a law, as the engine runs it, cannot run on a GPU; "" if it can."""
     if law.how in ("package", "compiler"):
         return ""
     name: Any = ffi.string(law.pointer.name)
@@ -133,11 +139,11 @@ def _member(place: tuple[str | int, ...]) -> str:
 
 @functools.cache
 def _laws(kinds: tuple[Record, ...], _functions: Any) -> str:
-    """Return the C source of the laws of these record types; their Python functions are only a key of the
-    cache.
+    """Return the C source of the laws of these record types.
 
-    A single law becomes the struct itself: its functions are then known at compile time and inlined into the
-    step.
+    If all elements have the same law, the struct type `law` gets its functions as constants. They are then
+    known at compile time, and inlined into the integration step. `_functions`, the Python functions of the
+    laws, only distinguish entries of the cache.
     """
     made = Translation()
     each = dict.fromkeys(kinds)
@@ -149,8 +155,8 @@ def _laws(kinds: tuple[Record, ...], _functions: Any) -> str:
 
 
 def _one_law(struct: re.Match[str]) -> str:
-    """Return, for a matched C definition of a law, the C++ struct `law` whose fields are constants of the
-    type."""
+    """Return the C++ definition of a struct type `law`, whose members are constants of the type, from a match
+    of `_STRUCT`, the C definition of a law."""
     members = [
         f"    static constexpr {_KINDS.get(name, f'law_{name}_fn *')}{name} = {value};"
         for name, value in _FIELD.findall(struct[0])

@@ -1,8 +1,10 @@
-"""Structs of function pointers in C, made from records in Python: friction laws and a user's own hysteresis.
+"""C structs of function pointers for types of Python records: friction laws, and hysteresis of Duhem's form.
 
-The record's Python functions (its roles) become the functions of the struct. Its parameters are passed as a
-row of numbers, the fields one after the other: booleans as 0 or 1, tuples and nested records by their
-numbers. Text and None become constants of the C source.
+For each type of record there is one struct. It has a C function for each Python function of the type. A role
+is the name of such a function in the struct, such as "rate". The fields of a record are passed to these
+functions as
+a row of parameters: an array of real numbers p, the fields one after the other. Booleans are 0 or 1; tuples
+and nested records contribute their numbers. Text and None are constants in the C source, and not in the row.
 """
 
 from __future__ import annotations
@@ -14,8 +16,12 @@ from .translator import BOOL, INT, KEYWORDS, REAL, Array, Record, Translation, T
 
 
 class CallSignature(NamedTuple):
-    """C signature of a role: its arguments as pairs of type and name, the names of the results that it writes
-    through pointers, and its return type."""
+    """C signature of a role, without the row of parameters.
+
+    Fields: `values`, pairs of C type and name of the arguments; `results`, names of the results that the
+    function writes through pointers to real numbers; `returns`, C type that it returns ("void" if there are
+    results).
+    """
 
     values: tuple[tuple[str, str], ...]
     results: tuple[str, ...]
@@ -23,19 +29,21 @@ class CallSignature(NamedTuple):
 
 
 class Interface(NamedTuple):
-    """A C struct of function pointers that is made from Python records: `law` for friction, `duhem` for
-    hysteresis. A role is the name of one function.
+    """Declaration of a kind of C struct of function pointers, for Python records of one kind: `law` for
+    friction laws, `duhem` for hysteresis.
 
     Attributes:
-        name: name of the struct.
-        noun: name of such a record in messages.
-        header: C header that declares the struct.
-        room: sub-package whose own records are compiled into the library.
-        arguments: C declaration of the arguments of each role, after the row of parameters.
-        whole: roles that return an integer.
-        functions: function from a record class to its Python functions by role.
-        numbers: function from a record type to further integer members of the struct, by name.
-        inputs: function from a role to the arguments at which compiled and Python functions are compared.
+        name: name of the C struct.
+        noun: word for such a record in messages.
+        header: name of the C header that declares the struct.
+        room: sub-package of stickslip ("friction") whose own records are compiled into the library.
+        arguments: C declaration of the arguments of each role, by role, after the row of parameters.
+        whole: roles whose C function returns an integer.
+        functions: function that gets a record class, and returns its Python functions by role.
+        numbers: function that gets the translator's type of a record, and returns the values of further
+            integer members of the struct, by name.
+        inputs: function that gets a role, and returns a list of argument tuples, for which the results of the
+            compiled and of the Python function are compared.
     """
 
     name: str
@@ -58,8 +66,9 @@ class Interface(NamedTuple):
         )
 
     def packaged(self, classes: list[type]) -> str:
-        """Return the C source of record classes of the package, with the table through which the library
-        lists them."""
+        """Return the C source of some of the package's record classes, all of whose fields are real numbers:
+        the translated functions, a struct for each class, and an array of pointers to these structs, through
+        which the library lists them."""
         made = Translation()
         parts = [self.c_of(made, of_numbers(one)) for one in classes]
         names = "\n".join(f"    &{self.name}_{one.__name__}," for one in classes)
@@ -67,10 +76,16 @@ class Interface(NamedTuple):
         return "\n".join([made.text(), *parts, table])
 
     def c_of(self, made: Translation, kind: Record) -> str:
-        """Return the C source of a record type and its struct; `made` collects the translated functions.
+        """Return the C source of the struct of a record type, and of a C function for each of its roles.
+
+        Args:
+            made: translation to which the translated Python functions are added; its text must precede the
+                result.
+            kind: the translator's type of the record.
 
         Raises:
-            TranslationError: a function is outside the subset that can be translated.
+            TranslationError: a function is outside the subset that can be translated, or has other results
+                than the role asks for; or the name of the class is not ASCII.
         """
         name = kind.record_class.__name__
         if not name.isascii():
@@ -86,8 +101,8 @@ class Interface(NamedTuple):
         return "\n".join(parts)
 
     def _role_c(self, made: Translation, kind: Record, role: str, function: Any) -> str:
-        """Return the C function of a role: it builds the record from the row of parameters p and calls the
-        translated `function`."""
+        """Return the source of the C function of a role. It builds the record's C struct from the row of
+        parameters p, and calls the translated Python function `function`, which is added to `made`."""
         name, struct, fill = (
             kind.record_class.__name__,
             made.record(kind),
@@ -113,14 +128,19 @@ class Interface(NamedTuple):
 
 
 def numbers(kind: Any) -> int:
-    """Return how many numbers of a row of parameters a type takes: a record, an array, or a single number."""
+    """Return the number of parameters in a row for a value of this type: a record, an array or a number."""
     if isinstance(kind, Record):
         return sum(numbers(inner) for _, inner in kind.fields)
     return kind.length if isinstance(kind, Array) else 1
 
 
 def _filled(kind: Any, places: Iterator[int]) -> str:
-    """Return the C initialiser of a value from the row of parameters p, at the next indices of `places`."""
+    """Return the C initialiser of a value from the row of parameters p, such as "{p[0], p[1] != R(0.0)}".
+
+    Args:
+        kind: the translator's type of the value.
+        places: iterator over the indices of the row, of which the value takes the next ones.
+    """
     if isinstance(kind, Record):
         return f"{{{', '.join(_filled(inner, places) for _, inner in kind.fields) or '0'}}}"
     if isinstance(kind, Array):
@@ -130,8 +150,12 @@ def _filled(kind: Any, places: Iterator[int]) -> str:
 
 
 def row_of(kind: Any, place: str) -> list[str]:
-    """Return the C expressions of all numbers of a value, in the order of a row of parameters; `place` is the
-    C expression of the value."""
+    """Return the C expressions of all numbers of a value, in the order of a row of parameters.
+
+    Args:
+        kind: the translator's type of the value.
+        place: C expression of the value, such as "of.friction".
+    """
     if isinstance(kind, Record):
         named = [(f"{name}_" if name in KEYWORDS else name, inner) for name, inner in kind.fields]
         return [text for name, inner in named for text in row_of(inner, f"{place}.{name}")]
@@ -141,7 +165,7 @@ def row_of(kind: Any, place: str) -> list[str]:
 
 
 def row(record: Any) -> list[float]:
-    """Return a record's parameters as the row of numbers that C reads."""
+    """Return the row of parameters of a record, as real numbers (see the module)."""
     found: list[float] = []
     for name, inner in record_type(record).fields:
         value = getattr(record, name)
@@ -153,5 +177,5 @@ def row(record: Any) -> list[float]:
 
 
 def of_numbers(record_class: type) -> Record:
-    """Return the translator's type of a record class, all of whose fields are real numbers."""
+    """Return the translator's type of a record class, if all its fields are real numbers."""
     return Record(record_class, tuple((name, REAL) for name in record_class._fields))  # type: ignore[attr-defined]

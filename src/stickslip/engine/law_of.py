@@ -20,14 +20,17 @@ from .laws import LAW
 from .library import packaged
 from .translator import Record, record_type
 
-# Largest relative difference between a compiled law and its Python functions, orders of magnitude above the
-# rounding of any function of `math`.
+# Largest relative difference between the results of a compiled law and of its Python functions. It is orders
+# of magnitude above the rounding errors of any function of `math`.
 AGREES = 1e-9
 
 
 class EngineLaw(NamedTuple):
-    """A law as the engine runs it: pointer to its C struct; `how` its functions run ("package": part of the
-    library, "compiler", "numba" or "python"); and objects that must exist as long."""
+    """A law as the engine runs it.
+
+    Fields: `pointer` to the C struct of the law; `how`, way in which its functions run: "package" (part of
+    the library), "compiler", "numba" or "python"; `keeps`, objects that must exist as long as the struct.
+    """
 
     pointer: Any
     how: str
@@ -39,12 +42,14 @@ _MAKING = threading.RLock()
 
 
 def law_of(record: Any, slowest: bool = False, interface: Interface = LAW) -> EngineLaw:
-    """Return the engine's law for records of this type.
+    """Return the engine's law for records of this type and with these texts; results are cached.
+
+    A message on stderr says if a user's law runs as plain Python because it cannot be compiled.
 
     Args:
         record: a law with an equation of its own; for a composed law, one of its elements.
-        slowest: run a user's law as plain Python, for instance to debug it.
-        interface: kind of record: friction law, or piezo model.
+        slowest: True: run a user's law as plain Python, for instance to debug it.
+        interface: declaration of the C struct: that of friction laws by default, or that of piezo models.
 
     Raises:
         TypeError: the record is no law.
@@ -78,10 +83,13 @@ def _made(record: Any, kind: Record, slowest: bool, interface: Interface = LAW) 
 
 
 def agrees(pointer: Any, record: Any, interface: Interface = LAW) -> bool:
-    """Return True if a compiled law gives the same values as its Python functions, wherever these give
-    numbers.
+    """Return True if a compiled law gives the same values as its Python functions, within `AGREES`, at all
+    inputs of the interface. Inputs for which Python raises an arithmetic error are skipped.
 
-    Otherwise the compiled law is not used.
+    Args:
+        pointer: C struct of the compiled law.
+        record: record of the law, whose parameters are used.
+        interface: declaration of the C struct.
     """
     from ._abi import ffi
 
@@ -91,7 +99,7 @@ def agrees(pointer: Any, record: Any, interface: Interface = LAW) -> bool:
         for arguments in interface.inputs(role):
             try:
                 expected = function(record, *arguments)
-            except (ArithmeticError, ValueError):  # Python raises where C gives an infinity or no number
+            except (ArithmeticError, ValueError):  # here C gives infinity or NaN instead of an error
                 continue
             if interface.signature(role).results:
                 call(p, *arguments, out, out + 1)

@@ -10,8 +10,13 @@ from .translator import Record
 
 
 def begun(interface: Interface, kind: Record) -> tuple[Any, Any]:
-    """Return a C struct without functions for a law of this record type, and the C string of its name, which
-    must exist as long as the struct."""
+    """Return a C struct for a law of a record type, with its name and integer members, but without functions.
+    Also return the C string of the name, which must exist as long as the struct.
+
+    Args:
+        interface: declaration of the struct.
+        kind: the translator's type of the record.
+    """
     made: Any = ffi.new(f"struct {interface.name} *")
     name = ffi.new("char[]", kind.record_class.__name__.encode("ascii", "replace"))
     made.name, made.parameters = name, numbers(kind)

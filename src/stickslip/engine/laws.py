@@ -19,13 +19,15 @@ HEAD = """/* {what}
 #include "{include}"
 
 """
-# Speeds [m/s] and states [m] at which a compiled law is compared with its Python functions.
+# Magnitudes of the velocities [m/s] and states [m] at which a compiled law is compared with its Python
+# functions.
 _SPEEDS = (0.0, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
 _STATES = (0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1.0)
 
 
 def functions(law_type: type) -> dict[str, Any]:
-    """Return the Python functions that a law has, by the name of their role ("rate", "breakaway", ...)."""
+    """Return the Python functions of a type of friction law, by their role ("rate", "breakaway", "project",
+    "tick", "choose", "branch_rate", "left"); roles that it does not have are left out."""
     made = registered._IMPLEMENTATIONS[law_type]
     found = {role: getattr(made, role) for role in ("rate", "breakaway", "project", "tick")}
     if made.branches:
@@ -35,15 +37,18 @@ def functions(law_type: type) -> dict[str, Any]:
 
 
 def _numbers(kind: Record) -> dict[str, int]:
-    """Return further members of a law's struct: "smooth", 1 for an element without a kink at v = 0, 0 for a
-    contact; "period", the index of a sampled element's period among its parameters, or -1."""
+    """Return the integer members of a law's struct, by name.
+
+    "smooth" is 1 for an element without a kink at the velocity 0, else 0 (a contact). "period" is the index
+    of a sampled element's period in its row of parameters; -1 for an element that is not sampled."""
     law = kind.record_class
     period = place_of_period(kind) if "tick" in functions(law) else -1
     return {"smooth": int(registered.is_smooth(law)), "period": period}
 
 
 def place_of_period(kind: Record) -> int:
-    """Return the index of the field `period` of a sampled element in its row of parameters."""
+    """Return the index of the field `period` in the row of parameters of a sampled element, a type of the
+    translator that has this field."""
     names = [name for name, _ in kind.fields]
     return sum(numbers(inner) for _, inner in kind.fields[: names.index("period")])
 
@@ -64,7 +69,7 @@ def _inputs(role: str) -> list[tuple[Any, ...]]:
     return [(v, 0.0, z, branch) for v in _SPEEDS for z in states for branch in (0, 1)]
 
 
-# Interface of friction laws: the roles in the C struct `law`, with their arguments.
+# Declaration of the C struct `law` of friction laws.
 LAW = Interface(
     name="law",
     noun="law",
@@ -87,7 +92,8 @@ LAW = Interface(
 
 
 def parameters(law: Any) -> list[float]:
-    """Return the parameters of all elements of a law, one after the other, as C reads them."""
+    """Return the rows of parameters of all elements of a friction law, one after the other, as C reads
+    them."""
     return [
         number for i in range(max(registered.elements(law), 1)) for number in row(registered.element(law, i))
     ]
@@ -102,13 +108,19 @@ def packaged() -> list[type]:
 
 
 def header(what: str, name: str, text: str, include: str = "law.h") -> str:
-    """Return the text of a generated header: `what` it contains, its `name`, its C `text`, and the header
-    that it includes."""
+    """Return the text of a generated C header.
+
+    Args:
+        what: sentence about its contents, for the first line.
+        name: name of the header without ".h", for its include guard.
+        text: C source in it.
+        include: name of the header that it includes.
+    """
     return f"{HEAD.format(what=what, guard=name.upper(), include=include)}{text}\n#endif\n"
 
 
 def generated() -> dict[str, str]:
-    """Return name and text of the C files generated from the package's laws."""
+    """Return the text of each C header that is generated from the package's laws, by file name."""
     along, force = Translation(), of_numbers(normal_force.NormalForce)
     along.function(normal_force.along, (force, REAL), ("share", "steep", "curved"))
     for function in (normal_force.softening, normal_force.kept, normal_force.leaning):

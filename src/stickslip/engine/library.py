@@ -12,8 +12,8 @@ from ._abi import ffi
 # Suffix and path of the library, which native/CMakeLists.txt puts beside this file.
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FILE = Path(__file__).with_name(f"_engine{SUFFIX}")
-# Folder of the engine's C sources: a user's law includes them, a GPU compiles them, exported code contains
-# them.
+# Folder of the engine's C sources. They are needed at run time: compiled laws of users include them, NVRTC
+# compiles them for a GPU, and exported code contains them.
 SOURCES = Path(__file__).with_name("c")
 
 
@@ -41,8 +41,9 @@ def library() -> Any:
 
 @functools.cache
 def packaged(interface: str) -> dict[str, Any]:
-    """Return pointers to the C structs of the package's own records by name: friction laws for the interface
-    "law"."""
+    """Return pointers to the C structs of the package's own records, by the name of the record's class.
+
+    `interface` is the name of the struct: "law" for friction laws, "duhem" for hysteresis of Duhem's form."""
     found, i = {}, 0
     every = getattr(library(), f"stickslip_packaged_{interface}")
     while law := every(i):

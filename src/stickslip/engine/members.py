@@ -20,21 +20,33 @@ Integers = NDArray[np.int64]
 
 
 class _Structs:
-    """An array of C structs of one kind; a field is set in all of them from a column of values."""
+    """An array of C structs of one kind, whose fields are set in all structs at once, without a loop in
+    Python.
+
+    Args:
+        kind: C type of the struct.
+        count: number of structs.
+    """
 
     def __init__(self, kind: str, count: int) -> None:
         self.pointer: Any = ffi.new(f"{kind}[]", count)
         self._kind, self._shape = kind, (count, ffi.sizeof(kind))
         self._memory: Any = ffi.buffer(self.pointer)
-        self._arrays: list[Any] = []  # kept alive, because the engine has pointers into them
+        self._arrays: list[Any] = []  # arrays that must exist as long as the structs, which point into them
 
     def fill(self, like: Any) -> None:
-        """Copy one struct into all structs."""
+        """Copy the C struct `like` into all structs."""
         one: Any = ffi.buffer(like)
         np.frombuffer(self._memory, np.uint8).reshape(self._shape)[:] = np.frombuffer(one, np.uint8)
 
     def put(self, values: Any, dtype: Any, *place: str | int) -> None:
-        """Set a field, given by its path of names and indices, in all structs to `values`."""
+        """Set a field in all structs.
+
+        Args:
+            values: number for all structs, or an array with a number for each.
+            dtype: NumPy type of the field.
+            place: path of the field: names of fields and indices of arrays.
+        """
         if self._shape[0] == 0:
             return
         offset = ffi.offsetof(self._kind, *place)
@@ -42,7 +54,13 @@ class _Structs:
         column[:] = values
 
     def point(self, rows: NDArray[Any], which: Integers, *place: str | int) -> None:
-        """Set a pointer field of each struct to the row `which` of an array, an index per struct."""
+        """Set a pointer in all structs to a row of an array.
+
+        Args:
+            rows: array, whose first axis are the rows; it is kept alive.
+            which: index of the row for each struct.
+            place: path of the pointer field, as for `put`.
+        """
         self._arrays.append(rows)
         self.put(rows.ctypes.data + which * rows.strides[0], np.uintp, *place)
 
@@ -54,8 +72,14 @@ class ComposedMembers:
         plant: one plant with this layout, see `plant.system.Plant`.
         values: numbers of each plant [members, numbers], in the order of `plant.system.values_of`.
 
+    Attributes:
+        struct: pointer to the C array of plants.
+        count: number of plants.
+        states: number of states of each plant.
+        laws: how the engine runs the law of each element.
+
     Raises:
-        QuantityError: the plant is larger than the engine's room.
+        QuantityError: the plant is larger than the engine allows.
         TypeError: an element has no law.
     """
 
@@ -71,16 +95,20 @@ class ComposedMembers:
                 self._structs.point(given, each, *place)
             else:
                 self._structs.put(given, np.float64, *place)
-        for m in range(self.count):  # the result of composing depends on which numbers are zero
+        # Compose each plant on its own, because the result depends on which of its numbers are zero.
+        for m in range(self.count):
             library().stickslip_compose(self.struct + m)
 
 
 class MemberDrives:
-    """Drives of the members as structs of the engine.
+    """Drives of the members as a C array of tables, `struct`, with `count` members.
 
     Args:
-        drives: see `waveform.members.Drives`.
-        which: index of each member's drive.
+        drives: segment tables, see `waveform.members.Drives`.
+        which: index in `drives` of each member's table.
+
+    Raises:
+        ValueError: an index is out of range.
     """
 
     def __init__(self, drives: Any, which: Integers) -> None:
@@ -96,9 +124,10 @@ class MemberDrives:
 
 
 class Followed(NamedTuple):
-    """Results of members: times reached [s] and tried steps [members], and sampled states [members, times].
+    """Results of members.
 
-    States are NaN after the time reached.
+    Fields: `reached`, times reached [members], s; `steps` tried [members]; `samples`, values of one state
+    [members, times], NaN after the time reached.
     """
 
     reached: Array
@@ -156,7 +185,8 @@ def integrate_members(
 
 
 def numbers_of(plant: Any, values: Array) -> Iterator[tuple[tuple[str | int, ...], Array]]:
-    """Yield the path of each number in the C struct `plant`, and its value for each member, [members].
+    """Yield pairs, one for each number of a plant: its path in the C struct `plant` (names and indices), and
+    its value for each member, [members].
 
     Where the struct has a pointer (parameters of a law, a normal force along the stroke), the values are rows
     [members, numbers].
@@ -174,7 +204,7 @@ def numbers_of(plant: Any, values: Array) -> Iterator[tuple[tuple[str | int, ...
             if name == "along" and value is not None:
                 yield ("element", e, name), np.stack([next(numbers) for _ in value], axis=1)
             elif name == "loaded" and value is not None:
-                next(numbers)  # a flag, the same for all members
+                next(numbers)  # skip this number: it is 1 for all members, and a flag in C
             elif isinstance(value, tuple):
                 for i, share in enumerate(value):
                     if share is not None:
@@ -207,8 +237,13 @@ def integers(array: Integers, name: str) -> Any:
 
 
 def _parameters(law: Any, numbers: Iterator[Array], count: int) -> Array:
-    """Return the parameters of a law for each member, [members, numbers], as the engine reads them. `numbers`
-    yields the columns [members] of the law's own fields."""
+    """Return the parameters of a friction law for each member, [members, numbers], as the engine reads them.
+
+    Args:
+        law: any of the laws, which gives their type.
+        numbers: iterator over columns [members], the next of which are the numbers of the law's own fields.
+        count: number of members.
+    """
     given = np.empty((count, sum(1 for _ in numbers_in(law))))
     for place in given.T:
         place[:] = next(numbers)

@@ -33,7 +33,8 @@ def follow_position(
         z: states [elements] at the first sample, m, replaced by those at the last one; for a static law one
             number, the force that it carries over its breakaway force.
         tolerance: m, on each deflection over each step.
-        proportional: True if deflections stay when the normal force changes, instead of being renewed.
+        proportional: True: deflections stay when the normal force rises, and the force changes in proportion.
+            False: newly loaded area carries no force, so that deflections fall.
         samples: [n, 1 + elements] (at least two columns), filled with force (N) and states; at a sample, the
             force is that of the interval that ends there.
 
@@ -63,11 +64,14 @@ def follow_position(
 
 
 def forces_at(law: Any, velocity: Array, states: Array, force: Array) -> None:
-    """Compute the force of a law at given velocities [n] and states [n, elements] (at least one column), into
-    `force` [n].
+    """Compute the force of a law [N] at given velocities [n], m/s, and states [n, elements] (at least one
+    column), m. The result is written into `force` [n].
 
-    `follow_position` instead gives the force of the interval before each sample. Its velocity is half an
-    interval late, which a fit would take for damping.
+    `follow_position` instead gives the force of the interval before each sample, whose velocity is half an
+    interval late. In a fit, this delay would act like damping.
+
+    Raises:
+        TypeError, ValueError: an array does not fit, see `binding.integrate`.
     """
     made, numbers = _taken(law)
     width = max(elements(law), 1)
@@ -81,5 +85,6 @@ def forces_at(law: Any, velocity: Array, states: Array, force: Array) -> None:
 
 
 def _taken(law: Any) -> tuple[EngineLaw, Array]:
-    """Return the engine's law of an element, and the parameters of all elements in a row."""
+    """Return the engine's law of the elements of a friction law, and the parameters of all elements in one
+    array."""
     return law_of(element(law, 0)), np.array(parameters(law), dtype=float)

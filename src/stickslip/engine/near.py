@@ -15,7 +15,8 @@ from .members import ComposedMembers, MemberDrives, check_fit
 
 
 class Neighbours:
-    """Members that differ slightly from a trajectory, and are integrated with the same steps.
+    """Plants, states or drives that differ slightly from those of a trajectory, and are integrated with the
+    same steps as the trajectory.
 
     Args:
         members: plants of the neighbours, with the layout of the trajectory's plant.
@@ -71,7 +72,8 @@ def integrate_near(
         near: the neighbours; their states become those at the time reached.
 
     Returns:
-        The results of `binding.integrate`, and the sampled state of each neighbour [members, times], NaN
+        A pair: the results of `binding.integrate`, and the sampled state of each neighbour [members, times],
+            NaN
         after the time reached.
 
     Raises:

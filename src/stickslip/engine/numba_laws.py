@@ -12,21 +12,23 @@ from .interface import CallSignature, Interface, numbers
 from .law_struct import begun
 from .translator import BOOL, INT, Array, Record
 
-# Names of C types in Numba.
+# Name in Numba of each C type.
 _KINDS = {"real_t": "float64", "int": "int32", "void": "void"}
 _POINTER = "CPointer(float64)"
 
 
 def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any] | None:
-    """Return the struct of a law compiled by Numba, and objects that must exist as long; None without Numba,
-    if Numba fails, or if a function of the law raises errors."""
+    """Return the C struct of a law compiled by Numba, and objects that must exist as long as the struct.
+    Return None without Numba, if Numba fails, or if a function of the law contains a raise statement.
+
+    The arguments are those of `called_back.law`."""
     if find_spec("numba") is None:
         return None
     from numba.core.errors import NumbaError
 
     given = interface.functions(type(record))
     if any(_raises(function, set()) for function in given.values()):
-        return None  # Numba's C functions only print an exception, and continue
+        return None  # C functions made by Numba only print an exception, and the run would continue
     made, name = begun(interface, kind)
     functions_made = []
     try:
@@ -39,8 +41,8 @@ def compiled(record: Any, kind: Record, interface: Interface) -> tuple[Any, Any]
 
 
 def _raises(function: Any, seen: set[Any]) -> bool:
-    """Return True if a function, or one of its module that it calls, contains a raise statement. `seen` are
-    functions that are already checked."""
+    """Return True if a function, or one that it calls by a global name of its module, contains a raise
+    statement. `seen`, the functions that are already checked, is extended."""
     plain = getattr(function, "py_func", function)
     code = getattr(plain, "__code__", None)
     if code is None or plain in seen:
@@ -58,8 +60,15 @@ def _raises(function: Any, seen: set[Any]) -> bool:
 
 
 def _compiled(signature: CallSignature, function: Any, record: Any, kind: Record) -> Any:
-    """Return one role of a law as a C function of Numba, which builds the record from the row of
-    parameters."""
+    """Return a C function made by Numba, which builds the record from the row of parameters and calls the
+    Python function of one role.
+
+    Args:
+        signature: C signature of the role.
+        function: Python function of the role.
+        record: record that provides texts and None.
+        kind: the translator's type of the record.
+    """
     import numba
 
     values, results, returns = signature
@@ -74,8 +83,14 @@ def _compiled(signature: CallSignature, function: Any, record: Any, kind: Record
 
 
 def _filled(template: Any, kind: Record, places: Iterator[int], known: dict[str, Any]) -> str:
-    """Return the Python expression that builds a record from the row of parameters p. Text and None become
-    constants in `known`, the names that the expression may use."""
+    """Return the Python expression, as text, that builds a record from the row of parameters p.
+
+    Args:
+        template: record that provides texts and None.
+        kind: the translator's type of the record.
+        places: iterator over the indices of the row, of which the record takes the next ones.
+        known: objects by name that the expression may use, to which classes, texts and None are added.
+    """
     name = f"class_{len(known)}"
     known[name] = kind.record_class
     types, parts = dict(kind.fields), []

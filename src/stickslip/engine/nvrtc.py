@@ -24,15 +24,16 @@ int nvrtcGetCUBIN(void *program, char *image);
 int nvrtcGetNumSupportedArchs(int *count);
 int nvrtcGetSupportedArchs(int *archs);
 """)
-PACKAGE = "nvidia.cuda_nvrtc"  # package of the wheel, and the library's path in it
+PACKAGE = "nvidia.cuda_nvrtc"  # Python package of NVIDIA's wheel; `_FILES` are paths of the library in it
 _FILES = ("lib/libnvrtc.so.12", "bin/nvrtc64_120_0.dll")
-# Without fused multiply-add, so that results round as on processors. Warning 177 is about unused functions
-# and constants, of which each layout has some.
+# Options of NVRTC. Fused multiply-add is off, so that results round as on processors. Warning 177, about
+# unused functions and constants, is off, because each layout of plants has some.
 OPTIONS = ("-default-device", "-std=c++20", "-fmad=false", "-diag-suppress=177")
 
 
 class GpuError(RuntimeError):
-    """The GPU, its driver or its compiler failed."""
+    """Error: the GPU, its driver or its compiler NVRTC failed; the message contains the reason that they
+    give."""
 
 
 @functools.cache
@@ -66,10 +67,10 @@ def compiled(source: str, headers: dict[str, str], target: str, *options: str) -
         options: further options of NVRTC.
 
     Returns:
-        The compiled code, and the messages of the compiler.
+        A pair: the compiled code (cubin or PTX), and the messages of the compiler.
 
     Raises:
-        GpuError: the source is not valid.
+        GpuError: the source is not valid, or NVRTC fails.
     """
     lib = library()
     names, texts = _texts(headers), _texts(headers.values())
@@ -91,7 +92,7 @@ def compiled(source: str, headers: dict[str, str], target: str, *options: str) -
 
 
 def _texts(given: Any) -> tuple[Any, list[Any]]:
-    """Return texts as a C array of strings, and the objects that must exist as long."""
+    """Return texts as a C array of strings, and a list of objects that must exist as long as the array."""
     kept = [ffi.new("char[]", one.encode()) for one in given]
     return ffi.new("char *[]", kept), kept
 

@@ -13,7 +13,7 @@ from .members import ComposedMembers, Integers, MemberDrives, check_fit, integer
 
 
 class Orbits(NamedTuple):
-    """Periodic motions of members.
+    """Periodic motions of members; arrays [members]. For a rotary actuator, m is rad.
 
     Attributes:
         outcomes: outcome of each member, see `engine.outcome`.
@@ -22,8 +22,8 @@ class Orbits(NamedTuple):
         residuals: defect of state and step before the last correction, m.
         radius: largest multiplier (growth factor of a disturbance per period) in absolute value.
         periods: number of integrated periods.
-        jacobian: derivative of the state after a period by the state before [members, states, states]; zero
-            for the position.
+        jacobian: derivative of the state after a period (rows) by the state before (columns), [members,
+            states, states]; zero for the position that advances.
     """
 
     outcomes: Integers
@@ -57,7 +57,7 @@ def find_orbits(
             (see `engine.outcome`); members that are not DONE at the start are left out.
         states: initial guesses [members, states], replaced by states on the orbits.
         periods: period of each drive, s, [members].
-        tolerance: tolerance of step and state, m.
+        tolerance: tolerance of net step and state, m (rad for a rotary actuator).
         max_periods: largest number of periods that are integrated for one orbit.
         column: index of the position that advances by the net step.
         smooth: True if derivatives may come from slightly changed runs with the same steps (`engine.near`).

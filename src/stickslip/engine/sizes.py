@@ -9,8 +9,8 @@ from .laws import functions
 
 
 def largest(plant: Any) -> dict[str, int]:
-    """Return the macros for the size of a plant's arrays (see `plant.system.Plant`), which `c/plant.h`
-    uses."""
+    """Return the C macros LARGEST_MODES, LARGEST_ELEMENTS and LARGEST_STATES for plants of one layout, value
+    by name; `c/plant.h` takes them as sizes of its arrays. `plant` is any plant of this layout."""
     return {
         "LARGEST_MODES": max(len(plant.modes), 1),
         "LARGEST_ELEMENTS": max(len(plant.elements), 1),
@@ -53,8 +53,10 @@ def _states(plant: Any) -> int:
 
 
 def _rare(one: Any) -> bool:
-    """Return True unless an element is a plain contact: one bristle, or a static law, under a constant load
-    and without further inputs."""
+    """Return True if an element of a plant needs code that a plain contact does not need.
+
+    A plain contact has one bristle, or a static law, a constant normal force, and the sliding velocity as its
+    only input."""
     kind = type(element(one.law, 0))
     roles = functions(kind)
     given = (one.position, one.feed, one.drive, one.drive_rate, one.loaded, one.along)

@@ -1,4 +1,9 @@
-"""Assignments to variables and tuples of them, whose types are widened where a later value needs it."""
+"""Translate assignments to variables and to tuples of variables.
+
+In each function, `body` is the function that is being translated, which collects the C statements, and `node`
+is the statement in Python's syntax tree, for error messages. A variable whose later value needs a wider type
+(a real number instead of an integer) makes the translation start again with that type.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +21,8 @@ _MADE = re.compile(r"made_\d+(\.\w+)?")
 
 
 class Retyped(Exception):
-    """Signal that the variable `name`, or the result, needs the wider type `kind`, so that the function must
-    be translated again."""
+    """Signal, not an error: the variable `name` (or the result, `statements.RESULT`) needs the wider type
+    `kind`, so that the function must be translated again."""
 
     def __init__(self, name: str, kind: Any) -> None:
         super().__init__(name)
@@ -25,7 +30,11 @@ class Retyped(Exception):
 
 
 def assign(body: FunctionBody, node: ast.Assign, targets: list[ast.expr], value: Value) -> None:
-    """Translate an assignment; each target is a name or a tuple of names."""
+    """Write the C statements of an assignment of `value` to one or several targets (a = b = value).
+
+    Raises:
+        TranslationError: a target is neither a name nor a tuple of names.
+    """
     match targets:
         case [ast.Name(id=name)]:
             set_variable(body, node, name, value)
@@ -40,11 +49,16 @@ def assign(body: FunctionBody, node: ast.Assign, targets: list[ast.expr], value:
 
 
 def set_variable(body: FunctionBody, node: ast.AST, name: str, value: Value) -> None:
-    """Assign a value to a variable, which is declared if it is new."""
+    """Write the C statements that assign a value to the variable `name`, which is declared if it is new.
+
+    Raises:
+        TranslationError: the new value has a type that does not fit the variable.
+        Retyped: the variable needs a wider type.
+    """
     if isinstance(value.type, Array):
         if body.stores.count(name) > 1:
             raise body.source.error(node, f"{name} cannot be set to {value.text}")
-        body.variables[name] = value  # the name is an alias of the table
+        body.variables[name] = value  # no C variable: the name is another name of the constant table
         return
     kind = joined(body.types.get(name), kind_of(value))
     known = body.variables.get(name)
@@ -80,7 +94,8 @@ def _store(body: FunctionBody, node: ast.AST, name: str, kind: Any, value: Value
 
 
 def _held(body: FunctionBody, value: Value) -> Value:
-    """Return a value copied to new C variables, so that later assignments do not change it."""
+    """Return a value whose C text later assignments do not change: its numbers are copied to new C variables,
+    except constants, tables and records."""
     if value.type is None:
         return value._replace(parts=tuple(_held(body, part) for part in value.parts))
     if value.constant is not None or isinstance(value.type, Array | Record) or _MADE.fullmatch(value.text):
@@ -89,7 +104,12 @@ def _held(body: FunctionBody, value: Value) -> Value:
 
 
 def unpack(body: FunctionBody, node: ast.AST, targets: list[ast.expr], value: Value) -> None:
-    """Assign the parts of a tuple to names. If a part uses one of the names, all parts are copied first."""
+    """Write the C statements that assign the parts of a tuple to names, or to tuples of names. If a part uses
+    one of the names (a, b = b, a), all parts are copied first.
+
+    Raises:
+        TranslationError: the numbers of names and parts differ, or a target is no name.
+    """
     value = parts_of(value)
     if len(targets) != len(value.parts):
         raise body.source.error(node, "a tuple needs one name for each of its parts")

@@ -1,5 +1,8 @@
 """Translate calls: functions of `math` and NumPy, functions of tuples, records, and any function with a
-Python source."""
+Python source.
+
+In each function, `context` is the function around the call (`expressions.Context`), and `node` is the call in
+Python's syntax tree, for error messages."""
 
 from __future__ import annotations
 
@@ -39,7 +42,8 @@ _OF_TWO = {"atan2": "arctan2", "copysign": "copysign", "fmod": "fmod", "hypot": 
 
 
 def _functions() -> dict[Any, tuple[str, int]]:
-    """Return, for each Python function, the name of its C counterpart and its number of arguments."""
+    """Return for each Python function that C has, too, the pair of the C function's name and its number of
+    arguments, all real numbers."""
     found: dict[Any, tuple[str, int]] = {abs: ("r_abs", 1), np.sign: ("r_sign", 1)}
     found |= {np.square: ("r_square", 1)}
     found |= {math.fabs: ("r_abs", 1), np.abs: ("r_abs", 1), np.fabs: ("r_abs", 1)}
@@ -87,7 +91,8 @@ def _call(context: Context, node: ast.Call) -> Value:
 
 
 def _called(context: Context, node: ast.Call) -> Any:
-    """Return the function that a call names; for a method of a record, the value of the call itself."""
+    """Return the Python object that is called. For a method of a record, translate the call and return its
+    value."""
     if isinstance(node.func, ast.Name) and isinstance(context.variables.get(node.func.id), LocalFunction):
         return context.variables[node.func.id]
     if isinstance(node.func, ast.Attribute):
@@ -108,8 +113,12 @@ def _called(context: Context, node: ast.Call) -> Any:
 
 
 def _bound(context: Context, node: ast.Call, function: Any, arguments: list[Value]) -> list[Value]:
-    """Return all arguments of a call in the order of the function's parameters, with keywords and defaults
-    filled in."""
+    """Return the values of all arguments of a call, in the order of the function's parameters, with keyword
+    arguments and defaults. `arguments` are the values of those given by position.
+
+    Raises:
+        TranslationError: an argument is missing, unknown or one too many.
+    """
     if isinstance(function, LocalFunction):
         spec = function.source.tree.args
         names = [one.arg for one in spec.args]
@@ -130,14 +139,15 @@ def _bound(context: Context, node: ast.Call, function: Any, arguments: list[Valu
 
 
 def _known(context: Context, node: ast.Call, function: Any, values: list[Value]) -> Value | None:
-    """Return the value of a call of a function that C has, too; None for any other function."""
+    """Return the value of a call of a function with a C counterpart, for the arguments `values`; None for any
+    other function."""
     try:
         hash(function)
     except TypeError:
         return None
     if function in _FUNCTIONS:
         name, count = _FUNCTIONS[function]
-        if function is math.log and len(values) == 2:  # log(x, base)
+        if function is math.log and len(values) == 2:  # logarithm with a base, log(x, base)
             a, b = (as_real(context, node, value).text for value in values)
             return Value(f"r_log({a}) / r_log({b})", REAL, 2)
         if function is abs and len(values) == 1 and values[0].type in (INT, BOOL):
@@ -155,7 +165,7 @@ def _known(context: Context, node: ast.Call, function: Any, values: list[Value])
     if function is len and one is not None:
         return constant(context, node, one.type.length if isinstance(one.type, Array) else len(one.parts))
     if function in (bool, np.all, np.any, np.bool_) and one is not None:
-        return as_bool(context, node, one)  # C computes one member: a single condition
+        return as_bool(context, node, one)  # in C the argument is always a single number, never an array
     if function in (float, np.float64) and one is not None:
         return as_real(context, node, one)
     return _of_numpy(context, node, function, values)
@@ -182,7 +192,7 @@ def _of_numpy(context: Context, node: ast.Call, function: Any, values: list[Valu
 
 
 def _array(context: Context, node: ast.AST, value: Value) -> Value:
-    """Return numbers as a table in memory: a table itself, or a tuple written into a new one."""
+    """Return numbers as a C array: a table itself, or a tuple of numbers that is written into a new array."""
     if isinstance(value.type, Array):
         return value
     if value.type is not None or not value.parts:
@@ -227,7 +237,8 @@ def _in_c(context: Context, node: ast.Call, name: str, count: int, values: list[
 
 
 def _made(context: Context, node: ast.Call, record_class: Any) -> Value:
-    """Return a new record from its fields, all of which must be numbers or conditions."""
+    """Return the value of a call that constructs a record: a new C struct. All fields must be given, by the
+    call or by defaults, and be numbers or booleans."""
     names = record_class._fields
     given = dict(zip(names, node.args, strict=False))
     given |= {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg}
@@ -243,7 +254,8 @@ def _made(context: Context, node: ast.Call, record_class: Any) -> Value:
 
 
 def _replaced(context: Context, node: ast.Call, owner: Value) -> Value:
-    """Return a copy of a record with some fields changed."""
+    """Return the value of `owner._replace(...)`: a copy of the C struct of a record with some fields
+    changed."""
     if node.args or any(k.arg is None for k in node.keywords):
         raise context.source.error(node, f"{ast.unparse(node)!r} is outside the subset")
     fields = dict(owner.type.fields)

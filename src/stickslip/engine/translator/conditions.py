@@ -35,7 +35,7 @@ def _boolean(context: Context, node: ast.BoolOp) -> Value:
         if value.constant is both:
             continue
         found.append((value, lines))
-        if value.constant is not None:  # a known operand decides; later ones are not evaluated
+        if value.constant is not None:  # this operand decides the result: later ones are not evaluated
             break
     if not found:
         return constant(context, node, both)
@@ -58,7 +58,8 @@ def _boolean(context: Context, node: ast.BoolOp) -> Value:
 
 
 def _one_of(context: Context, node: ast.BoolOp, both: bool) -> Value:
-    """Return the value of `and` (`both`) or `or` between numbers: as in Python, the operand that decides."""
+    """Return the value of `and` (if `both`) or `or` between numbers: as in Python, the operand that decides,
+    not a boolean."""
     *firsts, last = node.values
     whole: ast.expr = last
     for one in reversed(firsts):
@@ -90,7 +91,8 @@ def _compare(context: Context, node: ast.Compare) -> Value:
 
 
 def _among(context: Context, node: ast.Compare) -> Value:
-    """Return the condition that a number is in a tuple, or is not in it."""
+    """Return the value of a comparison with `in` or `not in`: a condition that a number equals one, or none,
+    of the numbers that are written as a tuple on the right."""
     if len(node.ops) != 1 or not isinstance(node.comparators[0], ast.Tuple):
         raise context.source.error(node, f"the comparison {ast.unparse(node)!r} is outside the subset")
     tests = [ast.Compare(node.left, [ast.Eq()], [one]) for one in node.comparators[0].elts]
@@ -126,7 +128,8 @@ def _choice(context: Context, node: ast.IfExp) -> Value:
 
 
 def chosen(test: Value, yes: Value, no: Value) -> Value:
-    """Return the C conditional expression of two values of the same type; tuples are chosen part by part."""
+    """Return the value of the C expression `test ? yes : no` for two values of the same type; for tuples,
+    there is one such expression per part."""
     if yes.type is None:
         parts = (chosen(test, a, b) for a, b in zip(yes.parts, no.parts, strict=True))
         return Value("", None, parts=tuple(parts))
@@ -135,7 +138,8 @@ def chosen(test: Value, yes: Value, no: Value) -> Value:
 
 
 def _places(context: Context, kind: Any) -> Value:
-    """Return new C variables for a value of this type, one per part of a tuple, to be set in branches."""
+    """Return a value of this type whose texts are new C variables, one per part of a tuple, declared at the
+    top of the function. Branches then set them."""
     if isinstance(kind, Tuple):
         return Value("", None, parts=tuple(_places(context, one) for one in kind.types))
     return Value(context.hoisted(kind), kind)

@@ -1,4 +1,8 @@
-"""Translate expressions of the subset from Python's syntax tree to C."""
+"""Translate expressions of the subset from Python's syntax tree to C.
+
+In each function, `context` is the function around the expression, and `node` is the expression in Python's
+syntax tree, which error messages (TranslationError) quote. A `Value` is a translated expression: its C text
+and type."""
 
 from __future__ import annotations
 
@@ -29,21 +33,30 @@ from .subset import (
 )
 
 NUMBERS = (REAL, INT, BOOL)
-FEW = 4  # a constant tuple with more numbers becomes a table; a shorter one is written where it is used
+# Largest length of a constant tuple whose numbers are written where they are used; a longer one becomes a C
+# array.
+FEW = 4
 _OPERATORS = {ast.Add: ("+", SUM), ast.Sub: ("-", SUM), ast.Mult: ("*", PRODUCT), ast.Div: ("/", PRODUCT)}
 _DIVISIONS = {ast.FloorDiv: "floordiv", ast.Mod: "mod"}
 _BITS = {ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^", ast.LShift: "<<", ast.RShift: ">>"}
 
 
 class LocalFunction(NamedTuple):
-    """A Python function that is defined inside the translated one."""
+    """A Python function or lambda that is defined inside the translated one, with its `source`."""
 
     source: FunctionSource
 
 
 class Context(Protocol):
-    """Methods and data of the function around an expression that the translation of the expression needs;
-    `statements.FunctionBody` has them."""
+    """Function around an expression, as the translation of the expression uses it; `statements.FunctionBody`
+    implements and describes the methods.
+
+    Attributes:
+        source: the function.
+        variables: by name, the type of a variable, a local function, or the value of a table.
+        pointers: names of parameters that are pointers in C (records).
+        locals: names of all variables and functions that the function defines.
+    """
 
     source: FunctionSource
     variables: dict[str, Any]
@@ -73,7 +86,8 @@ def as_real(context: Context, node: ast.AST, value: Value) -> Value:
 
 
 def as_bool(context: Context, node: ast.AST, value: Value) -> Value:
-    """Return the value as a condition; a number is true if it is not 0, a table if it is not empty."""
+    """Return the value converted to a condition, as Python does: a number is true if it is not 0, a table if
+    it is not empty. Raise TranslationError for other values."""
     if value.type == BOOL:
         return value
     if value.type in (INT, REAL):
@@ -86,7 +100,8 @@ def as_bool(context: Context, node: ast.AST, value: Value) -> Value:
 
 
 def as_type(context: Context, node: ast.AST, value: Value, kind: Any) -> Value:
-    """Return the value converted to a wider type of number, boolean or tuple."""
+    """Return the value converted to the type `kind`, which must be its own or a wider one: a number, a
+    boolean, or a tuple of these."""
     if isinstance(kind, Tuple):
         parts = (as_type(context, node, v, k) for v, k in zip(value.parts, kind.types, strict=True))
         return Value("", None, parts=tuple(parts))
@@ -94,7 +109,8 @@ def as_type(context: Context, node: ast.AST, value: Value, kind: Any) -> Value:
 
 
 def expression(context: Context, node: ast.expr) -> Value:
-    """Return the C text of an expression, with its type.
+    """Return the value of an expression: its C text and type. Statements that it needs are written to the
+    context.
 
     Raises:
         TranslationError: it is outside the subset.
@@ -108,15 +124,15 @@ def expression(context: Context, node: ast.expr) -> Value:
 
 
 def constant(context: Context, node: ast.AST, value: Any) -> Value:
-    """Return a Python object known during translation (number, boolean, tuple of numbers, record) as a C
-    value."""
+    """Return a Python object that is known during translation (number, boolean, tuple of numbers, record) as
+    a translated value. Raise TranslationError for another object."""
     if isinstance(value, bool | np.bool_):
         return Value("true" if value else "false", BOOL, constant=bool(value))
     if isinstance(value, int | np.integer) and abs(value) < 2**31:
         return Value(str(value), INT, ATOM if value >= 0 else UNARY, constant=int(value))
     if isinstance(value, int | float | np.floating | np.integer):
         return Value(real(float(value)), REAL, constant=float(value))
-    if hasattr(value, "_fields") and not isinstance(value, type):  # a record defined in the module
+    if hasattr(value, "_fields") and not isinstance(value, type):  # a record
         kind = record_type(value)
         context.use(kind)
         parts = ((constant(context, node, getattr(value, name)), of) for name, of in kind.fields)
@@ -128,7 +144,8 @@ def constant(context: Context, node: ast.AST, value: Any) -> Value:
 
 
 def _table(context: Context, node: ast.AST, value: Any) -> Value:
-    """Return the numbers of a module as a tuple if there are at most `FEW`, otherwise as a table."""
+    """Return a constant sequence as a value: a tuple of its parts, or, if it has more than `FEW` real
+    numbers, a constant C array. Raise TranslationError if it has more than `ARRAY_LIMIT` numbers."""
     found = np.asarray(value, dtype=object)
     if found.size > ARRAY_LIMIT:
         raise context.source.error(node, f"{ast.unparse(node)} has more than {ARRAY_LIMIT} numbers")
@@ -139,7 +156,8 @@ def _table(context: Context, node: ast.AST, value: Any) -> Value:
 
 
 def outside(context: Context, node: ast.expr) -> Any:
-    """Return the Python object to which a name outside the function, or an attribute of a module, refers."""
+    """Return the Python object to which a global or enclosing name, or a dotted name such as `math.pi`,
+    refers. Raise TranslationError if it is not known before the function runs."""
     function = context.source.function
     if isinstance(node, ast.Attribute):
         owner = outside(context, node.value)
@@ -159,15 +177,18 @@ def outside(context: Context, node: ast.expr) -> Any:
 
 
 def identifier(context: Context, node: ast.AST, name: str) -> str:
-    """Return the C name of a variable: the Python name, with an underscore if C reserves it."""
+    """Return the C name of a variable or field: the Python name, with an underscore at its end if C reserves
+    it. Raise TranslationError unless it is ASCII."""
     if not name.isascii():
         raise context.source.error(node, f"the name {name} must be in ASCII, as C takes it")
     return f"{name}_" if name in KEYWORDS else name
 
 
 def variable(context: Context, node: ast.AST, name: str, kind: Any) -> Value:
-    """Return the value of a variable of this type; a tuple is one C variable per part."""
-    if isinstance(kind, Value):  # the variable is another name of a table
+    """Return the value of the variable `name`, as its C name.
+
+    `kind` is the type of the variable, of whose tuples each part is a C variable; or the value of a table."""
+    if isinstance(kind, Value):  # the name is another name of a table
         return kind
     text = identifier(context, node, name)
     if isinstance(kind, Tuple):
@@ -200,14 +221,14 @@ def _attribute(context: Context, node: ast.Attribute) -> Value:
     found = getattr(owner.type.record_class, node.attr, None)
     if isinstance(found, property) and found.fget is not None:
         return context.call(node, found.fget, [owner])
-    if isinstance(found, int | float | tuple):  # an attribute of the class
+    if isinstance(found, int | float | tuple):  # a constant of the record's class
         return constant(context, node, found)
     raise context.source.error(node, f"{ast.unparse(node)} is no number, and no record or property either")
 
 
 def number(context: Context, node: ast.AST, value: Value) -> Value:
-    """Return a value as a number for arithmetic: a boolean counts as 0 or 1. Raise TranslationError if it is
-    neither."""
+    """Return a value as a number for arithmetic, in which a boolean counts as 0 or 1. Raise TranslationError
+    if it is neither number nor boolean."""
     if value.type not in NUMBERS:
         raise context.source.error(node, f"{ast.unparse(node)} is no number")
     return value._replace(type=INT) if value.type == BOOL and value.constant is None else value

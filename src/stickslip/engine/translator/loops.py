@@ -1,4 +1,7 @@
-"""Loops of the subset: ``while``, and ``for`` over ranges, tuples, ``zip`` and ``enumerate``."""
+"""Translate loops of the subset: ``while``, and ``for`` over ranges, tuples, ``zip`` and ``enumerate``.
+
+In each function, `body` is the function that is being translated, and `node` is the part of Python's syntax
+tree."""
 
 from __future__ import annotations
 
@@ -16,11 +19,11 @@ if TYPE_CHECKING:
 
 def loop(body: FunctionBody, node: ast.stmt) -> bool | None:
     """Translate a loop, `break` or `continue`. Return True if the code after it is unreachable, False if not,
-    and None if the statement is none of these."""
+    and None for any other statement."""
     match node:
         case ast.Break() | ast.Continue():
             body.line("break;" if isinstance(node, ast.Break) else "continue;")
-            return True  # the code after it is unreachable
+            return True
         case ast.While(orelse=[]):
             return _while(body, node)
         case ast.For(orelse=[]):
@@ -38,7 +41,9 @@ def _while(body: FunctionBody, node: ast.While) -> bool:
         return False
     if test.constant is None and not before:
         body.line(f"while ({test.text}) {{")
-    else:  # the condition needs statements of its own, which must run in each iteration
+    else:
+        # The condition needs C statements of its own, which must run before each test: put both into an
+        # endless loop.
         body.line("for (;;) {")
         body.depth += 1
         body.lines(before)
@@ -51,7 +56,7 @@ def _while(body: FunctionBody, node: ast.While) -> bool:
 
 
 def _breaks(statements: list[ast.stmt]) -> bool:
-    """Return True if one of the statements, also within an `if`, leaves the loop around them."""
+    """Return True if one of the statements, also within an `if`, is a `break` of the loop around them."""
     for one in statements:
         if isinstance(one, ast.Break):
             return True
@@ -82,15 +87,20 @@ def _for(body: FunctionBody, node: ast.For) -> None:
 
 
 def _called(body: FunctionBody, node: ast.expr) -> Any:
-    """Return the Python function that an expression calls by a name; None for any other expression."""
+    """Return the global or built-in function that an expression calls by its name, such as `range`; None for
+    any other expression."""
     if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
         return None
     return None if node.func.id in body.variables else outside(body, node.func)
 
 
 def _rows(body: FunctionBody, node: ast.expr) -> tuple[int, Callable[[Value], Value]]:
-    """Return the number of iterations of a loop over a tuple, `zip` or `enumerate`, and a function from the C
-    index to the value of that iteration."""
+    """Return the number of iterations of a loop over `node` (a tuple, `zip` or `enumerate`), and a function
+    that gets the C counter, as a value, and returns the value of the iteration.
+
+    Raises:
+        TranslationError: `node` is another expression, or has tuples of different lengths.
+    """
     function = _called(body, node)
     if function is zip or function is enumerate:
         assert isinstance(node, ast.Call)
@@ -123,7 +133,7 @@ def _range(body: FunctionBody, node: ast.For, call: ast.Call) -> None:
     step = bounds[2] if len(bounds) == 3 else one
     if not isinstance(step.constant, int) or step.constant == 0:
         raise body.source.error(node, "the step of a range must be a whole number that is known beforehand")
-    if end.constant is None:  # the end is stored, because its variables may change in the loop
+    if end.constant is None:  # store the end before the loop, which may change the variables in it
         end = Value(body.temporary(INT, end.text), INT)
     inside = end.constant or 0 if isinstance(first.constant, int) and first.constant >= 0 else 0
     sign = "<" if step.constant > 0 else ">"
@@ -133,15 +143,16 @@ def _range(body: FunctionBody, node: ast.For, call: ast.Call) -> None:
 def _counted(
     body: FunctionBody, node: ast.For, target: ast.Name, first: str, end: str, step: int, inside: int
 ) -> None:
-    """Translate a loop over integers. The C counter is the Python name itself, or a separate variable if that
-    name is also used elsewhere.
+    """Write the C statements of a loop over integers. The C counter has the Python name, or is a separate
+    variable if that name is also used outside the loop.
 
     Args:
-        body, node, target: function, loop, and name of the counter.
+        body, node, target: function, loop, and the name in Python's syntax tree that is set in each
+            iteration.
         first: C text of the first value.
-        end: C text of the comparison that continues the loop, such as "< 5".
-        step: increment.
-        inside: upper bound of the counter if known and the counter is never negative; else 0.
+        end: C text of the comparison with which the loop continues, such as "< 5".
+        step: increment, not 0.
+        inside: bound below which the counter stays, if it is known and the counter is never negative; else 0.
     """
     name = target.id
     by = {1: "++{0}", -1: "--{0}"}.get(step, f"{{0}} += {step}" if step > 0 else f"{{0}} -= {-step}")
@@ -162,15 +173,21 @@ def _counted(
 
 
 def _only_in(body: FunctionBody, node: ast.For, name: str) -> bool:
-    """Return True if a name is set only by this loop, and used only inside the loop."""
+    """Return True if the variable `name` is set only by the loop `node` itself, and used only inside the
+    loop."""
     inside = {id(n) for n in ast.walk(node)}
     seen = [n for n in ast.walk(body.source.tree) if isinstance(n, ast.Name) and n.id == name]
     return body.stores.count(name) == 1 and all(id(n) in inside for n in seen)
 
 
 def _column(body: FunctionBody, node: ast.expr, of: Value) -> Callable[[Value], Value]:
-    """Return a function from a C index to the element of a tuple, which is written as a table; a tuple of
-    tuples becomes one table per part."""
+    """Return a function that gets a C index, as a value, and returns that element of the tuple `of`.
+
+    The tuple is written as a C array; a tuple of tuples of equal lengths as one array per part.
+
+    Raises:
+        TranslationError: the elements have different types.
+    """
     if isinstance(of.type, Array):
         return lambda counter: Value(f"{of.text}[{counter.text}]", REAL)
     if all(kind_of(part) in NUMBERS for part in of.parts):

@@ -40,14 +40,24 @@ if TYPE_CHECKING:
     from .translation import Translation
 
 CHECK = ("check",)
-RESULT = "return"  # key of the result's type among the types of variables; no variable has this name
+RESULT = "return"  # key of the type of the function's result in `types`, because no variable has this name
 _TEXT = "const char *"
-_UNSET = {REAL: "R(NAN)", INT: "0", BOOL: "false"}  # C initial value of a variable before a branch sets it
+# C initial value, by type, of a variable that is declared at the top of a function and set in branches.
+_UNSET = {REAL: "R(NAN)", INT: "0", BOOL: "false"}
 
 
 class FunctionBody:
-    """Translation of one function: it translates the statements, and is the `expressions.Context` of their
-    expressions."""
+    """Translation of one function for given types of its arguments. It writes the C lines of the statements,
+    and is the `expressions.Context` of their expressions.
+
+    Args:
+        translation: translation to which called functions, structs and tables are added.
+        source: the function.
+        kinds: types of its arguments.
+        members: names of the parts of a result that is a tuple, which are then real numbers; `CHECK` for a
+            method that raises errors, whose C function returns their text.
+        types: types of variables, by name, that are wider than those of their first values.
+    """
 
     def __init__(
         self,
@@ -71,7 +81,13 @@ class FunctionBody:
         self._temporaries = 0
 
     def translated(self, name: str) -> tuple[Any, str]:
-        """Translate the function; return the type of its result, and its C source with this name."""
+        """Translate the function; return the type of its result, and the source of a C function with this
+        name.
+
+        Raises:
+            TranslationError: the function is outside the subset.
+            Retyped: a variable or the result needs a wider type than in `types`.
+        """
         tree, self._name = self.source.tree, name
         arguments = tree.args
         if (
@@ -103,7 +119,8 @@ class FunctionBody:
         return self._result, "\n".join(body)
 
     def _parameter(self, argument: ast.arg, kind: Any) -> list[tuple[str, str]]:
-        """Return pairs of C name and C declaration of a parameter: one pair, or one per part of a tuple."""
+        """Return a list of pairs of C name and C declaration for a parameter of this type: one pair, or one
+        per part of a tuple."""
         name = argument.arg
         if kind in NUMBERS:
             kind = joined(kind, self.types.get(name)) if name in self.types else kind
@@ -139,14 +156,14 @@ class FunctionBody:
             self.line(text)
 
     def captured(self, node: ast.expr) -> tuple[Value, list[str]]:
-        """Return the value of an expression, and the C lines that must precede it; the lines are not yet
+        """Translate an expression; return its value, and the C lines that must precede it, which are not
         written."""
         value, before = self.capturing(lambda: expression(self, node))
         return value, before
 
     def capturing(self, what: Any) -> tuple[Any, list[str]]:
-        """Call `what` without arguments; return its result, and the C lines that it writes, without
-        indentation."""
+        """Call the function `what` without arguments; return its result, and the C lines that it would have
+        written, without indentation."""
         lines, depth = self._lines, self.depth
         self._lines, self.depth = [], 0
         try:
@@ -155,11 +172,12 @@ class FunctionBody:
             self._lines, self.depth = lines, depth
 
     def use(self, record: Record) -> None:
-        """Declare the C struct of a record type."""
+        """Add the C struct of a record type to the translation, unless it contains the struct already."""
         self.translation.record(record)
 
     def table(self, name: str, numbers: tuple[float, ...]) -> str:
-        """Return the C name of a table of numbers, which is declared if new."""
+        """Return the name of a constant C array of numbers, which is added to the translation if it is new;
+        `name` is part of the C name."""
         return self.translation.table(name, numbers)
 
     def _new(self) -> str:
@@ -167,8 +185,8 @@ class FunctionBody:
         return f"made_{self._temporaries}"
 
     def temporary(self, c_type: Any, text: str) -> str:
-        """Declare a new C variable with the value `text`, and return its name; the variable is only valid in
-        this block."""
+        """Write the declaration of a new C variable with the value `text`, and return its name; the variable
+        is only valid in the present block."""
         name = self._new()
         if isinstance(c_type, Array):
             self.line(f"const real_t {name}[{c_type.length}] = {text};")
@@ -184,7 +202,8 @@ class FunctionBody:
         return name
 
     def call(self, node: ast.AST, function: Any, arguments: list[Value]) -> Value:
-        """Return the value of a call of another function, which is translated, too."""
+        """Translate another function for the types of these arguments, and return the value of its call. A
+        struct that the call returns is stored in a new C variable."""
         if isinstance(function, LocalFunction):
             function, arguments = self._closed(node, function, arguments)
         kinds = tuple(kind_of(value) for value in arguments)
@@ -201,8 +220,8 @@ class FunctionBody:
     def _closed(
         self, node: ast.AST, function: LocalFunction, arguments: list[Value]
     ) -> tuple[LocalFunction, list[Value]]:
-        """Return a local function with the variables that it uses from around it as further arguments, and
-        the values of all arguments at the call."""
+        """Return a local function whose further arguments are the variables of this function that it uses,
+        because C has no nested functions; and the values of all arguments at the call."""
         tree = function.source.tree
         if len(tree.args.args) != len(arguments):
             raise self.source.error(node, f"{ast.unparse(node)!r} does not fit the function's arguments")
@@ -217,7 +236,7 @@ class FunctionBody:
     # Translation of statements. Each method returns True if the statement leaves the block on every path.
 
     def _block(self, statements: list[ast.stmt]) -> bool:
-        # code after a return is unreachable
+        # `any` stops at the first statement that leaves the block, because the code after it is unreachable.
         return any(self._statement(statement) for statement in statements)
 
     def _statement(self, node: ast.stmt) -> bool:
@@ -263,7 +282,8 @@ class FunctionBody:
         return found
 
     def _message(self, node: ast.expr) -> str:
-        """Return an error message as a C string; values that Python would insert become "..."."""
+        """Return an error message (a text or f-string) as a C string literal. A class name in it becomes that
+        of the record; other values that Python would insert become "..."."""
         owner = next((kind.record_class.__name__ for kind in self.kinds if isinstance(kind, Record)), "")
         words = []
         for part in node.values if isinstance(node, ast.JoinedStr) else [node]:
@@ -275,7 +295,7 @@ class FunctionBody:
         return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
     def set(self, node: ast.AST, name: str, value: Value) -> None:
-        """Assign a value to a variable; a new variable is declared."""
+        """Write the C statements that assign a value to the variable `name`; a new variable is declared."""
         set_variable(self, node, name, value)
 
     def _if(self, node: ast.If) -> bool:
@@ -291,7 +311,8 @@ class FunctionBody:
         self.line("} else {")
         no = self.indented(node.orelse)
         self.line("}")
-        chained = self._lines[before + 1 :]  # a single if in the else branch is written as "else if"
+        # If the else branch contains only an `if`, write it as "else if", without its own block.
+        chained = self._lines[before + 1 :]
         if len(node.orelse) == 1 and chained and chained[0].lstrip().startswith("if ("):
             inner = [line.removeprefix("    ") for line in chained[:-1]]
             self._lines[before:] = [f"{'    ' * self.depth}}} else {inner[0].lstrip()}", *inner[1:]]
@@ -326,7 +347,13 @@ class FunctionBody:
         self._result = value.type
 
     def _expect(self, node: ast.AST, kind: Any) -> Any:
-        """Return the type of the function's result that is wide enough for this and all previous returns."""
+        """Return the type of the function's result that is wide enough for a return of the type `kind` and
+        all previous returns.
+
+        Raises:
+            TranslationError: there is no such type.
+            Retyped: previous returns used a narrower type.
+        """
         known = self.types.get(RESULT)
         before = self._result
         if isinstance(before, Pair):
@@ -340,7 +367,8 @@ class FunctionBody:
 
 
 def _stores(tree: ast.FunctionDef) -> list[str]:
-    """Return the names to which a function assigns, once per assignment, without those of inner functions."""
+    """Return the names to which a function assigns, each as often as it is assigned, without those of inner
+    functions."""
     found: list[str] = []
     pending: list[ast.AST] = list(tree.body)
     while pending:
@@ -353,7 +381,8 @@ def _stores(tree: ast.FunctionDef) -> list[str]:
 
 
 def _handed(value: Value) -> list[str]:
-    """Return the C texts of one argument in a call: the address of a record, or all parts of a tuple."""
+    """Return the C texts with which a value is passed to a function: the address of a record, one text per
+    part of a tuple, or else the value's text."""
     if value.type is None:
         return [text for part in value.parts for text in _handed(part)]
     return [f"&{value.text}" if isinstance(value.type, Record) and not value.pointer else value.text]

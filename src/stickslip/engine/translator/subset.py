@@ -19,7 +19,7 @@ REAL, INT, BOOL = "real_t", "int64_t", "bool"
 _ORDER = {BOOL: 0, INT: 1, REAL: 2}
 # Precedence of the C operators that occur; a lower number binds more strongly.
 ATOM, UNARY, PRODUCT, SUM, COMPARISON, AND, OR, CHOICE = range(8)
-ARRAY_LIMIT = 4096  # largest number of entries in a table of constants that is written into the C source
+ARRAY_LIMIT = 4096  # largest number of entries in a constant array that is written into the C source
 
 _KEYWORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long
@@ -35,15 +35,16 @@ class TranslationError(ValueError):
 
 
 class Record(NamedTuple):
-    """Type of a record. `fields` are pairs of name and type of the fields that C contains: no text, nothing
-    optional."""
+    """Type of a record. `record_class` is its Python class. `fields` are pairs of name and type of the fields
+    that
+    the C struct contains: not those that are texts or None."""
 
     record_class: type
     fields: tuple[tuple[str, Any], ...]
 
     @property
     def c_name(self) -> str:
-        """Return the name of the struct."""
+        """Return the name of the C struct, such as "ss_LuGre"."""
         return f"ss_{self.record_class.__name__}"
 
 
@@ -54,13 +55,14 @@ class Array(NamedTuple):
 
 
 class Tuple(NamedTuple):
-    """Type of a tuple, which is one C variable per part."""
+    """Type of a tuple, each part of which is a C variable of its own; `types` are the types of the parts."""
 
     types: tuple[Any, ...]
 
 
 class Pair(NamedTuple):
-    """Type of a tuple that a function returns: a C struct with its name, members and their types."""
+    """Type of a tuple that a function returns: a C struct with the name `c_name`, names `members` and their
+    `types`."""
 
     c_name: str
     members: tuple[str, ...]
@@ -73,11 +75,12 @@ class Value(NamedTuple):
     Attributes:
         text: its C text.
         type: its type; None for a tuple.
-        level: precedence of its outermost operator.
-        constant: its value, if known during translation.
+        level: precedence of its outermost operator, such as `SUM`.
+        constant: its value in Python, if known during translation; else None.
         pointer: True if the C text is a pointer to a record.
         parts: values of the parts of a tuple.
-        below: upper bound of an integer that is never negative, such as the counter of a loop; 0: unknown.
+        below: bound below which an integer stays that is never negative, such as the counter of a loop; 0:
+            unknown.
     """
 
     text: str
@@ -89,13 +92,16 @@ class Value(NamedTuple):
     below: int = 0
 
     def within(self, level: int) -> str:
-        """Return the C text as an operand that must bind at least as strongly as `level`."""
+        """Return the C text, in parentheses if its operator binds less strongly than `level`."""
         return self.text if self.level <= level else f"({self.text})"
 
 
 class FunctionSource(NamedTuple):
-    """A Python function as the translator reads it: its name, its module `where`, its first line in the file,
-    and its syntax tree."""
+    """A Python function as the translator reads it.
+
+    Fields: `function`, the Python function (for a local function, the function around it); `name`; `where`,
+    name of its module; `first_line`, its first line in the file; `tree`, its syntax tree.
+    """
 
     function: Callable[..., Any]
     name: str
@@ -104,19 +110,22 @@ class FunctionSource(NamedTuple):
     tree: ast.FunctionDef
 
     def error(self, node: ast.AST | None, what: str) -> TranslationError:
-        """Return an error that names this function, the line of `node`, and the problem `what`."""
+        """Return a TranslationError that names this function, its module, the line of `node` (None: the first
+        line), and the problem `what`."""
         line = self.first_line + getattr(node, "lineno", 1) - 1
         return TranslationError(f"{self.name} ({self.where}, line {line}) cannot be translated to C: {what}")
 
     def local(self, tree: ast.FunctionDef | ast.Lambda, name: str) -> FunctionSource:
-        """Return a function or lambda that is defined inside this one, under a combined name."""
+        """Return the source of a function or lambda with this `tree`, which is defined inside this function.
+        Its C name is this function's name, an underscore, and `name`."""
         made = with_arguments(tree, []) if isinstance(tree, ast.Lambda) else tree
         return self._replace(name=f"{self.name}_{name}", tree=made)
 
 
 def with_arguments(tree: ast.FunctionDef | ast.Lambda, names: list[str]) -> ast.FunctionDef:
-    """Return the syntax tree of a function with further arguments `names`, without defaults; a lambda becomes
-    a function that returns its value."""
+    """Return the syntax tree of a function with the further arguments `names`, and without defaults of
+    arguments. For a lambda, return a function with the same arguments that returns its value; `names` are not
+    used."""
     made = ast.parse("def unnamed(): ...").body[0]
     assert isinstance(made, ast.FunctionDef)
     made.args, made.lineno = tree.args, tree.lineno
@@ -129,11 +138,11 @@ def with_arguments(tree: ast.FunctionDef | ast.Lambda, names: list[str]) -> ast.
 
 
 def source_of(function: Callable[..., Any]) -> FunctionSource:
-    """Return the source of a Python function, also of one that is compiled by Numba.
+    """Return the source of a Python function, of a function compiled by Numba, or of a lambda.
 
     Raises:
-        TranslationError: its source cannot be read (typed at a prompt, built in), or it is not a plain
-            function.
+        TranslationError: its source cannot be read (typed at a prompt, built in), it is not a plain function,
+            it is one of several lambdas in a statement, or its name is not ASCII.
     """
     plain = getattr(function, "py_func", function)
     name = getattr(plain, "__name__", repr(plain))
@@ -147,7 +156,8 @@ def source_of(function: Callable[..., Any]) -> FunctionSource:
         ) from None
     made = FunctionSource(plain, name, where, first, tree)  # type: ignore[arg-type]
     lambdas = [one for one in ast.walk(tree) if isinstance(one, ast.Lambda)] if name == "<lambda>" else []
-    if len(lambdas) == 1:  # of several lambdas in one statement, it is unknown which is meant
+    # Among several lambdas in one statement, the source does not show which one the function is.
+    if len(lambdas) == 1:
         return made.local(lambdas[0], "lambda")._replace(name="unnamed")
     if not isinstance(tree, ast.FunctionDef):
         raise made.error(
@@ -159,8 +169,8 @@ def source_of(function: Callable[..., Any]) -> FunctionSource:
 
 
 def record_type(record: Any) -> Record:
-    """Return the type of a record, inferred from one instance: tuples have its lengths; text and None are
-    left out."""
+    """Return the translator's type of a record, from its values: a tuple becomes an `Array` of its length;
+    texts and None are left out."""
     found = []
     annotations = _annotations(type(record))
     for name, value in record._asdict().items():
@@ -181,12 +191,13 @@ def record_type(record: Any) -> Record:
 def _annotations(record_class: type) -> dict[str, Any]:
     try:
         return get_type_hints(record_class)
-    except Exception:  # an annotation with a name that exists only for type checkers
+    except Exception:  # an annotation contains a name that is imported only for type checkers
         return {}
 
 
 def joined(one: Any, other: Any) -> Any:
-    """Return the narrowest type that can hold values of both types; None if there is none."""
+    """Return the narrowest type for values of both types (boolean, integer, real number, tuples of these);
+    None without such a type. If `one` is None, return `other`."""
     if one is None or one == other:
         return other
     if one in _ORDER and other in _ORDER:

@@ -16,12 +16,14 @@ from .subset import Array, Pair, Record, real, source_of
 
 
 class Translation:
-    """C source of some functions and of all that they call: `text()` after calling `function` for each.
+    """Translation of some Python functions, and of all functions that they call, to one C source.
+
+    Call `function` for each function, then `text()` for the C source.
 
     Args:
-        dispatched: function of a Python function and a record class that returns the implementation for this
-            class; None if one implementation serves all records. By default, no function depends on the
-            class.
+        dispatched: function that gets a Python function and the record class of its first argument. It
+            returns the implementation for this class, or None if one implementation serves all classes. By
+            default, no function depends on the class.
     """
 
     def __init__(
@@ -38,7 +40,8 @@ class Translation:
         self._open: list[Any] = []
 
     def record(self, record: Record) -> str:
-        """Declare the C struct of a record type, and of the records in it; return its name."""
+        """Add the C struct of a record type, and of the records in it; return its name. Raise ValueError if
+        another struct has this name."""
         for _, kind in record.fields:
             if isinstance(kind, Record):
                 self.record(kind)
@@ -55,7 +58,7 @@ class Translation:
         Args:
             function: the Python function.
             kinds: types of its arguments.
-            members: names of the parts of a result that is a tuple; these are then real numbers.
+            members: names of the parts of a result that is a tuple; all parts are then real numbers.
 
         Raises:
             TranslationError: the function, or one that it calls, is outside the subset.
@@ -84,8 +87,11 @@ class Translation:
     def _translated(
         self, source: Any, kinds: tuple[Any, ...], members: tuple[str, ...], name: str
     ) -> tuple[Any, str]:
-        """Return the type of the result and the C source of a function; if a variable needs a wider type than
-        it had first, translate again with that type."""
+        """Return the type of the result and the C source of a function (a `FunctionSource`) with the C name
+        `name`.
+
+        If a variable needs a wider type than its first value has, the function is translated again with that
+        type."""
         types: dict[str, Any] = {}
         while True:
             try:
@@ -94,32 +100,33 @@ class Translation:
                 types[wider.name] = wider.kind
 
     def check(self, function: Callable[..., Any], kind: Record) -> str:
-        """Translate the method `_check` of a record, and return its C name. The C function returns the text
-        of the error, or NULL, instead of raising it."""
+        """Translate the method `_check` of a record of the type `kind`, and return its C name. The C function
+        does not raise an error, but returns its text, or NULL."""
         name, _ = self.function(function, (kind,), CHECK)
         return name
 
     def pair(self, name: str, kinds: tuple[Any, ...], members: tuple[str, ...]) -> Pair:
-        """Declare the C struct for a tuple that the function `name` returns."""
+        """Add the C struct for a tuple that the C function `name` returns, and return its type. Without as
+        many `members` as `kinds`, the members are part_0, part_1 and so on."""
         members = members if len(members) == len(kinds) else tuple(f"part_{i}" for i in range(len(kinds)))
         self._pairs[name] = Pair(f"{name}_result", members, kinds)
         return self._pairs[name]
 
     def table(self, name: str, numbers: tuple[float, ...]) -> str:
-        """Declare a constant C table of numbers, once for equal numbers; return its C name, which contains
+        """Add a constant C array of numbers, once for equal numbers; return its C name, which contains
         `name`."""
         word = "".join(c if c.isalnum() and c.isascii() else "_" for c in name)
         return self._tables.setdefault(numbers, f"ss_table_{len(self._tables)}_{word}")
 
     def kept(self, key: Any, make: Callable[[], Any]) -> Any:
-        """Return the object for a key; `make` is called only the first time, so that each local function is
-        translated once."""
+        """Return the object for a key; only the first time, `make` is called to create it. So each local
+        function has one syntax tree, and is translated once."""
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
 
     def c_type(self, kind: Any) -> str:
-        """Return the C name of a type."""
+        """Return the C name of a type: that of a struct, or "real_t", "int64_t" or "bool"."""
         return kind.c_name if isinstance(kind, Record | Pair) else str(kind)
 
     def text(self) -> str:
