@@ -133,8 +133,8 @@ def aligned_by_itself(
 ) -> Aligned:
     """Align a recording with the drive that its attributes name or its channel drive_voltage shows.
 
-    If no waveform is recognised, or it does not explain the channel, the samples of the channel are the
-    drive. The arguments are those of `aligned`.
+    If no waveform is recognised, or the waveform does not explain the channel, the samples of the channel are
+    the drive. Arguments, result and errors are those of `aligned`.
     """
     taken = taken_drive(whole, None if math.isinf(slew_rate) else slew_rate)
     if taken is None:
@@ -166,7 +166,7 @@ def _before(time: np.ndarray, begin: float) -> np.ndarray:
 
 
 def on_level(one: Aligned, model: Actuator) -> Aligned:
-    """Return the recording with its position shifted to start at the model's equilibrium.
+    """Return the recording with its position shifted to start at the equilibrium of `model`, the actuator.
 
     The equilibrium is at the drive's voltage before its start. A simulation starts in it, while an aligned
     position starts at zero.
@@ -184,8 +184,8 @@ def without_drift(one: Aligned) -> Aligned:
     """Return the recording without a linear drift of its position, found before the start of the drive.
 
     The drift is subtracted from the whole recording if its slope is significant and the whole drift exceeds
-    the noise, both by the factor `SURELY`; otherwise the recording is unchanged. No actuator model explains
-    such a drift; a fit would attribute it to friction.
+    the noise, both by the factor `SURELY`; the result then has the drift, and the noise without it. Otherwise
+    the recording is unchanged. No actuator model explains such a drift; a fit would attribute it to friction.
     """
     time, position = one.recording["time"].values, one.recording[POSITION].values
     before = _before(time, one.begin)

@@ -12,7 +12,10 @@ from ...quantities.units import QuantityError
 
 
 class AxisSpec(Strict):
-    """Axis: `points` values from `start` to `stop`, with equal differences or ratios (`spacing: log`)."""
+    """Axis: `points` values from `start` to `stop`, with equal differences or ratios (`spacing: log`).
+
+    The ends are numbers in SI, or texts with units.
+    """
 
     start: float | str
     stop: float | str

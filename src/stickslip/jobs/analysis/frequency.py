@@ -122,7 +122,7 @@ class FrequencyAnalysis(Analysis):
         )
 
     def _read(self, level: Level, folder: Path) -> _Data:
-        """Return the frequency response of a level from its fitted realisations, and the held-out data."""
+        """Return the data of a level: frequency response of its fitted realisations, and held-out data."""
         drive, response = (_array(source, folder) for source in (level.drive, level.response))
         channels = [o - 1 for o in self.output]
         last = None if level.test else -(self.held_out or 1)
@@ -172,7 +172,7 @@ class _Data(NamedTuple):
     """Data of one drive amplitude (level). Held-out data are means over the periods, for verification."""
 
     level: Level
-    measured: xr.Dataset  # from the fitted realisations, with its standard deviation
+    measured: xr.Dataset  # frequency response of the fitted realisations, with its deviation
     weighted: xr.Dataset  # the same response, with the deviations that weight the fit
     drive: NDArray[np.float64]  # held-out drives: (samples, inputs, realisations)
     steady: NDArray[np.float64]  # measured responses: (samples, outputs, realisations)
