@@ -93,7 +93,7 @@ class Gate:
         self._origin = getattr(self._rig, "origin", 0.0)  # read after `arm`: some devices know it only then
 
     def start(self) -> None:
-        """Start the output of the loaded drive, the recording, and the watchdog."""
+        """Start the output of the loaded drive, the recording, and the watchdog for missing samples."""
         self._rig.start()
         self._heard = time.monotonic()
 

@@ -1,4 +1,4 @@
-"""Client of a rig that is owned by another process (`host`)."""
+"""Client of a rig that is owned by another process, a `host`: connection, and the rig as `protocols.Rig`."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Link:
             raise RigError(f"the rig's process has ended ({error})") from None
 
     def heard_stop(self) -> None:
-        """Wait for the answer to `tell_stop`. Raises RigError if the process is gone."""
+        """Wait for the answer to `tell_stop`, without a limit. Raises RigError if the process is gone."""
         try:
             with self._lock:
                 receive(self._link)
@@ -133,7 +133,7 @@ class Link:
         raise RigError(UNANSWERED)
 
     def close(self) -> None:
-        """Close the connection. A run of this connection is stopped."""
+        """Close the connection. The process then stops a run that this connection has started."""
         self._link.close()
 
 
@@ -189,7 +189,7 @@ class HostedRig:
         self.began: float | None = None
         self.ramp_after: float | None = None
         self._said: dict[str, Any] = {}
-        self.ended = False  # True when the run is over and all samples were fetched
+        self.ended = False  # True once the run is over and all of its samples were fetched
         self.operated = False  # True if a page of the panel reports by "beat" while its operator is there
         self.waiting: Callable[[], object] = lambda: None  # called again and again while a run is prepared
 
@@ -235,7 +235,7 @@ class HostedRig:
         self._volts = volts
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Choose the inputs of the next run, and the number of samples to record."""
+        """Choose the inputs of the next run, by name, and the number of samples to record of each."""
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:

@@ -56,7 +56,7 @@ class Permit(NamedTuple):
 
 
 def _unlogged(act: str, who: str, what: str, why: str) -> None:
-    """Ignore an act: the default `log` of an `Interlock`."""
+    """Do nothing: the default of the argument `log` of `Interlock`, which is called with each act."""
 
 
 class Interlock:

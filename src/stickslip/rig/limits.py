@@ -118,7 +118,8 @@ def beyond(position: float, end: float, unit: str) -> LimitError:
 def check_edges(limits: Limits, can: Capabilities) -> None:
     """Raise QuantityError if `max_slew` forbids a jump over the whole voltage range within one update.
 
-    A closed loop that walks by stick-slip steps needs such jumps, at which the contact slips.
+    A closed loop that walks by stick-slip steps needs such jumps, at which the contact slips. `can` are the
+    capabilities of the rig; the range is the narrower one of rig and limits.
     """
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     least = (high - low) * can.update_rate

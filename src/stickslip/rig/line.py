@@ -50,7 +50,7 @@ class Line:
         self.open()
 
     def open(self) -> None:
-        """Connect, or connect again.
+        """Connect, or connect again after the connection was closed; data of the old connection are dropped.
 
         Raises:
             RigError: nobody answers there.
@@ -196,7 +196,7 @@ def need_silence(line: Any, name: str, query: str) -> None:
     """Raise RigError if an instrument has sent more than was requested.
 
     Args:
-        line: connection, with a method `more`.
+        line: connection with a method `more`, which returns bytes that nobody has read yet.
         name: name of the instrument in the error.
         query: the last query, for the error.
     """
@@ -206,7 +206,7 @@ def need_silence(line: Any, name: str, query: str) -> None:
 
 
 class _Tcp:
-    """A connection over TCP."""
+    """A TCP connection to a device with the methods of a socket and `waiting`; `timeout` is in s."""
 
     def __init__(self, host: str, port: int, timeout: float) -> None:
         self._link = socket.create_connection((host, port), timeout)

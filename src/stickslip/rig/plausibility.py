@@ -23,7 +23,7 @@ from .protocols import Capabilities
 # in that change.
 SLIDE = 1.5
 EDGE_TIME = 0.5e-3  # window, s: the fast change of the drive at a step is the change within this time
-STEPS_JUDGED = 5  # number of steps over which measured and expected displacement are compared
+STEPS_JUDGED = 5  # number of last steps whose measured displacement is compared with the expected one
 # Smallest fraction of a voltage change that must occur within `EDGE_TIME`; a slower change is no step.
 STEEP = 0.2
 # Fraction by which steps may be shorter than expected. The end-stop check by step count subtracts this
@@ -85,7 +85,7 @@ def plausibility_of(controller: object) -> Plausibility:
     model of the actuator.
     """
     one = controller
-    for _ in range(_DEEPEST):  # ends even for a controller that contains itself
+    for _ in range(_DEEPEST):  # limited, because a controller may contain itself
         own = getattr(one, "plausibility", None)
         if isinstance(own, Plausibility):
             return own

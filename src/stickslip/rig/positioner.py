@@ -38,7 +38,7 @@ class Ranges(NamedTuple):
         Args:
             axis: number of the axis.
             count: number of steps, of either sign.
-            voltage: V; None to leave it unchecked.
+            voltage: amplitude of the steps, V; None to leave it unchecked.
             frequency: step rate, Hz; None to leave it unchecked.
         """
         if axis not in self.axes:
@@ -69,7 +69,7 @@ class Positioner(Protocol):
 
     @property
     def ranges(self) -> Ranges:
-        """Axes and ranges of the controller."""
+        """Axes, and ranges of voltage, step rate and number of steps, of the controller."""
         ...
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
@@ -104,7 +104,8 @@ class Positioner(Protocol):
 def need_armed(positioner: Positioner) -> None:
     """Check that this program may move a positioner by itself.
 
-    A positioner with a true attribute `simulated` has no physical output and needs no arming.
+    The program may do so within the context `rig.armed`. A positioner with a true attribute `simulated` has
+    no physical output and needs no arming.
 
     Raises:
         InterlockError: the program is not armed; see `rig.armed`.

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 class RigError(RuntimeError):
-    """A rig does not answer, or its answer is wrong."""
+    """A rig or device does not answer, or its answer is wrong, or it cannot do what is requested."""
 
 
 class StopRequested(RigError):
@@ -93,7 +93,7 @@ class DriveOutput(Protocol):
 
 
 class Recorder(Protocol):
-    """Recorder of inputs, from `start` on."""
+    """Recorder of the inputs of a rig; the recording starts with the rig's output."""
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
         """Choose the inputs, by name, and the number of samples of each that are recorded from the start
@@ -121,7 +121,7 @@ class Rig(DriveOutput, Recorder, Protocol):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Rates, ranges and inputs of the rig."""
+        """Rates, voltage range, inputs and other capabilities of the rig."""
         ...
 
 
@@ -151,7 +151,7 @@ def check_rate(controller: Any, rate: float) -> None:
     this attribute work at any rate.
     """
     one = controller
-    for _ in range(_DEEPEST):  # ends even for a controller that contains itself
+    for _ in range(_DEEPEST):  # limited, because a controller may contain itself
         own = getattr(one, "rate", None)
         if isinstance(own, Real) and not math.isclose(float(own), rate, rel_tol=1e-6):
             who = type(one).__name__
@@ -160,7 +160,11 @@ def check_rate(controller: Any, rate: float) -> None:
 
 
 class Controller(Protocol):
-    """Controller of a closed loop, in a simulation, on a virtual rig or on a device."""
+    """Controller of a closed loop, in a simulation, on a virtual rig or on a device.
+
+    A controller needs only `step`. Optional attributes are `rate` (the update rate for which it is made, Hz)
+    and `done` (True ends the run).
+    """
 
     def step(self, measured: float, target: float, tick: int) -> float:
         """Return the voltage [V] to put out at an update.

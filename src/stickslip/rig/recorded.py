@@ -196,7 +196,7 @@ class Making(NamedTuple):
         return steps
 
     def to_text(self) -> str:
-        """Return the settings as JSON, for the samples that are stored during a run."""
+        """Return the settings as a JSON text, which the file of samples of a run contains (see `samples`)."""
         content = self._asdict() | {
             "can": self.can._asdict(),
             "channels": {name: channel_document(one) for name, one in self.channels.items()},
@@ -209,8 +209,8 @@ class Making(NamedTuple):
 
     @classmethod
     def from_text(cls, text: str) -> Making:
-        """Return the settings from their JSON text. Raises ValueError, LookupError or TypeError for other
-        text."""
+        """Return the settings from the JSON text of `to_text`. Raises ValueError, LookupError or TypeError
+        for any other text."""
         content = load_json(text, "samples that were kept")
         trigger = content["capture"].pop("trigger")
         return cls(

@@ -95,7 +95,7 @@ class Samples:
         self.close()
 
     def restart(self) -> None:
-        """Discard the samples so far, for another run of the same (averaged) recording."""
+        """Discard the samples so far, because another run of the same recording, an average, follows."""
         self._count = 0
         os.pwrite(self._file, struct.pack("<Q", 0), 0)
 
@@ -112,7 +112,7 @@ class Samples:
         If saving fails, the file of samples stays, as after a killed program.
 
         Args:
-            recording: the recording.
+            recording: the recording, which also gets the attribute `run_id`.
             target: path of the recording, NAME.nc.
             unfinished: True to save it as unfinished/NAME.nc beside the target.
 

@@ -185,7 +185,7 @@ class PermittedRig:
         self._rig.load(volts)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs, and the inputs of the permits, for `samples` samples."""
+        """Choose the inputs to record and the number of samples; inputs of the permits are recorded too."""
         self._rig.arm(self._with_permits(inputs), samples)
 
     def start(self) -> None:

@@ -82,7 +82,7 @@ class Stream:
         self._before = self._now()
 
     def number(self, volts: float) -> float:
-        """Return the number to send to the D/A converter for a voltage [V] at the piezo."""
+        """Return the number to send to the D/A converter for a voltage [V] at the piezo, not yet rounded."""
         return (volts - self._offset) / self._per_unit
 
     @property

@@ -99,7 +99,8 @@ class LoopRig:
 
     @property
     def origin(self) -> float:
-        """Return the origin of the rig's position readings, m: see `home`."""
+        """Return the displacement by all earlier runs of a rig whose readings start at zero in each run, m
+        (rad); 0 for other rigs. See `home`."""
         return getattr(self.rig, "origin", 0.0)
 
     def load(self, volts: Array) -> None:
@@ -111,7 +112,7 @@ class LoopRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the run at 0 V and read the inputs for the first update."""
+        """Start the run at 0 V and read the inputs for the first update. RigError if the rig fails."""
         name, second = self._position.name, self._second
         first = (name,) if second is None or second.name == name else (name, second.name)
         own = [one for one in self._inputs if one not in OWN and one not in first]

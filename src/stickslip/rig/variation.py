@@ -46,7 +46,7 @@ class Variation(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """Return True if every run has the same contact."""
+        """Return True if all variations are 0, so that every run has the same contact."""
         return self.friction == self.drift == self.stiffness == 0.0
 
 

@@ -390,7 +390,7 @@ def _check_sensors(actuator: Actuator, bench: Bench) -> None:
 
 
 def _held(values: Array, count: int) -> Array:
-    """Return `count` values, the last one repeated if there are fewer."""
+    """Return the first `count` of these values [n]; if there are fewer, the last one is repeated."""
     return np.pad(values[:count], (0, max(0, count - values.size)), mode="edge")
 
 

@@ -55,7 +55,7 @@ class WatchedRig:
 
     @property
     def origin(self) -> float:
-        """Return the origin of the wrapped rig's position readings, m (rad): see `home`."""
+        """Return the wrapped rig's `origin`, m (rad), see `home`; 0 if it has none."""
         return getattr(self._rig, "origin", 0.0)
 
     @property
@@ -90,7 +90,7 @@ class WatchedRig:
         self._armed(samples - self._skip, self._before - self._skip)
 
     def start(self) -> None:
-        """Start the run, unless the watcher's function `sees` raises an error first."""
+        """Call `sees` without samples, then start the run; an error that `sees` raises prevents the start."""
         nothing = {name: np.zeros(0) for name in self._channels}
         self._sees(nothing)
         if isinstance(self._rig, HostedRig):

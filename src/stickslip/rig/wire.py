@@ -44,7 +44,7 @@ LARGEST_ARRAY = 60_000_000  # largest number of values of an array that is recei
 
 
 class WireError(OSError):
-    """The received data are not a message."""
+    """Received data are not a message of the protocol, or the message is too large."""
 
 
 def send(link: socket.socket, head: dict[str, Any], values: Array | None = None) -> None:

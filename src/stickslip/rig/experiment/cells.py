@@ -147,7 +147,7 @@ def _cell(
 
 
 def cell_names(file: ExperimentFile) -> list[str]:
-    """Return the names of a file's recordings, in order, without loading rig, actuator or drives.
+    """Return the names of an experiment file's recordings, in order, without opening rig or other files.
 
     At most the first `MOST_CELLS` are returned; `cells` refuses more.
     """

@@ -128,7 +128,10 @@ class ActuatorSpec(Strict):
 
 
 class LimitsSpec(fields_of(Limits)):
-    """Limits of output and position, as `stickslip.rig.Limits`. Voltages default to the actuator's."""
+    """Limits of output and position, with the fields of `stickslip.rig.Limits`, all of them optional.
+
+    Voltages that are not given are those of the actuator.
+    """
 
 
 class ChannelSpec(Strict):

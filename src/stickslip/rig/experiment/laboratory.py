@@ -138,12 +138,12 @@ class RealLaboratory:
         opened.stop(0.0)  # there is no run: this releases the rig for other programs
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        """Return the capabilities of the rig, whatever the actuator."""
+        """Return the capabilities of the rig, which do not depend on the actuator."""
         del actuator
         return self._can
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """Return the rig, whatever the cell."""
+        """Return the rig, which is the same for all cells; the arguments are ignored."""
         del actuator, seed, repeats
         return HostedRig(self._link, self._device, self._can, self._said)
 
@@ -247,11 +247,11 @@ class PlanningLaboratory:
         return OutputStage(self._can.update_rate, step=self._can.step)
 
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
-        """Raise RigError: this laboratory only plans."""
+        """Raise RigError, because this laboratory only plans."""
         raise RigError("this laboratory only plans")
 
     def close(self) -> None:
-        """Do nothing: no rig is held."""
+        """Do nothing: this laboratory holds no rig."""
 
 
 def own_file(name: str, folder: Path, suffix: str) -> str | Path:

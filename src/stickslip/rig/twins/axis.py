@@ -121,8 +121,8 @@ class Axis:
 
 
 def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
-    """Yield a linear ramp from the voltage `begin` to `end` [V] that takes `seconds` s, in pieces of up to
-    0.1 s."""
+    """Yield the pieces of drive, of up to 0.1 s, of a linear ramp from the voltage `begin` to `end` [V] that
+    takes `seconds` s."""
     count = max(1, math.ceil(seconds / _RAMP))
     samples: Array = np.linspace(0.0, seconds / count, 21)[1:]
     for k in range(1, count + 1):

@@ -44,7 +44,7 @@ class Session(Protocol):
 
 
 class Twin(Protocol):
-    """A simulated controller, as a server needs it."""
+    """A simulated controller with the methods that a server needs."""
 
     def session(self) -> Session:
         """Return a new session, for one connection."""
@@ -123,7 +123,7 @@ class TwinTerminal:
         session = getattr(twin, "serial_session", None)
         if session is None:
             raise QuantityError(f"a twin of {type(twin).__name__} has no serial port")
-        import tty  # the module is missing on Windows, so it is imported only here
+        import tty  # imported here, because the module is missing on Windows
 
         self._session, self._ended = session, threading.Event()
         self._ours, self._theirs = os.openpty()

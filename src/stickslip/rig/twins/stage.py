@@ -58,7 +58,11 @@ class Path(NamedTuple):
     end_effector: Array
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Return voltage, V, and positions of stage and end-effector, m, at a time in s within the piece."""
+        """Return the voltage [V] and the positions of stage and end-effector [m] at a time within the piece,
+        s.
+
+        They are interpolated linearly.
+        """
         return tuple(float(np.interp(time, self.times, y)) for y in self[1:])  # type: ignore[return-value]
 
 

@@ -101,7 +101,10 @@ class Anc300Client:
         return any(abs(self._number(f"geto {axis}") - rest) > 1e-3 for _ in range(3))
 
     def position(self, axis: int) -> float:
-        """Return the number of steps that this client has requested since it was made, up minus down."""
+        """Return the number of steps that this client has requested since it was opened, up minus down.
+
+        The device has no sensor, so lost or interrupted steps are not noticed.
+        """
         self.ranges.check(axis)
         return float(self._counted.get(axis, 0))
 
@@ -120,7 +123,10 @@ class Anc300Client:
             self._said(command)
 
     def _begin(self) -> None:
-        """Prepare a new connection: send the password (TCP only), then switch off the echo of commands."""
+        """Prepare a new connection: send the password (TCP only), then switch off the echo of commands.
+
+        RigError if the console does not accept the password in time.
+        """
         if self._password is not None:
             self._line.send(self._password.encode("latin-1") + b"\r\n")
             self._line.until(b"Authorization success\r\n", b"the password")

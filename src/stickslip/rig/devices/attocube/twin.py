@@ -112,7 +112,8 @@ class Module:
         """Start `count` steps up (`sign` 1) or down (-1); endless steps if `count` is None.
 
         Raises:
-            ConsoleError: the axis is not in a stepping mode, or the voltage would exceed 0 to 150 V.
+            ConsoleError: the axis is not in a stepping mode ("stp", "stp+", "stp-"), or the voltage would
+                leave the range of 0 to 150 V.
         """
         if self.mode not in ("stp", "stp+", "stp-"):
             raise ConsoleError("Axis not in stepping mode")

@@ -108,12 +108,12 @@ class Nv200:
         }
 
     def session(self) -> FramedSession:
-        """Return a new session, for one connection."""
+        """Return a new `FramedSession`, for one connection of a program."""
         return FramedSession(self)
 
     def leave(self) -> None:
-        """Stop an endless generator when the connection ends. The output keeps its voltage, as that of the
-        real amplifier."""
+        """Stop a generator with endless cycles when the connection ends. The output keeps its voltage, as the
+        output of the real amplifier does."""
         if self.kept["gcarb"] == 0:
             self.output.generate(False)
 
@@ -213,7 +213,7 @@ class FramedSession:
         self._twin, self._lines = twin, Lines()
 
     def feed(self, data: bytes) -> bytes:
-        """Return the answers to all lines that are complete after these received bytes."""
+        """Return, as bytes to send, the answers to all lines that these received bytes complete."""
         made = ""
         for line in self._lines.feed(data):
             try:

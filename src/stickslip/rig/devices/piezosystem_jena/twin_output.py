@@ -11,7 +11,7 @@ from ...twins.axis import Axis, Clock
 from ...twins.stage import Path, Piece, Stage
 
 TICK = 50e-6  # interval of the amplifier's clock, s
-RECORD = 6144  # number of samples in a channel of the recorder
+RECORD = 6144  # greatest number of samples in a channel of the recorder
 # Ends of the range of voltages (av...), V, and of positions (pos...), um, by the names of their queries.
 RANGE = {"avmin": -20.0, "avmax": 180.0, "posmin": -80.0, "posmax": 80.0}
 _PIECE = 400  # largest number of ticks simulated as one piece
@@ -104,13 +104,13 @@ class Output:
 
     @property
     def generating(self) -> bool:
-        """Return True while the generator runs."""
+        """Return True while the generator puts out its table, at the present time of the clock."""
         self.axis.advance()
         return self._generating
 
     @property
     def recording(self) -> bool:
-        """Return True while the recorder runs or is armed."""
+        """Return True while the recorder runs, or is armed and waits for its start."""
         self.axis.advance()
         return self.recorder.running or self.recorder.armed
 
@@ -119,7 +119,7 @@ class Output:
         return 100.0 * (position - RANGE["posmin"]) / (RANGE["posmax"] - RANGE["posmin"])
 
     def measured(self) -> float:
-        """Return a reading of the position sensor now, um."""
+        """Return a noisy reading of the position sensor at the present time, um."""
         _, y, x = self.axis.state()
         return float(self._sensed(np.array([y if self._on_stage else x]))[0])
 

@@ -69,7 +69,8 @@ class RedPitayaRig:
 
     @staticmethod
     def identify(host: str, port: int, timeout: float) -> str:
-        """Return the identity of the board at an address. Raises RigError if there is none."""
+        """Return the identity that the board at an address reports. `timeout` is the longest wait for its
+        answer, s. Raises RigError if nobody answers there, or another device."""
         asked = ScpiInstrument("instrument", host, port, timeout)
         asked.close()
         if "REDPITAYA" not in asked.identity.upper():

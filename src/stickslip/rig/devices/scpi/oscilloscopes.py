@@ -280,11 +280,11 @@ class Oscilloscope:
             time.sleep(_POLL)
 
     def over(self) -> bool:
-        """Return True if the acquisition has ended."""
+        """Return True if the acquisition has ended, False while it waits for the trigger or records."""
         return self._state(self.table.over)
 
     def stop(self) -> None:
-        """Stop the acquisition."""
+        """Stop the acquisition, whether or not the trigger has come."""
         self.link.do(self.table.stop)
 
     def read(self, channel: int, times: Array) -> Array:

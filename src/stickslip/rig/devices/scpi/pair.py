@@ -74,7 +74,8 @@ class PairRig:
 
     @staticmethod
     def identify(host: str, port: int, timeout: float) -> str:
-        """Return the identity of the instrument at an address. Raises RigError if there is none."""
+        """Return the identity that an SCPI instrument at an address reports. `timeout` is the longest wait
+        for its answer, s. Raises RigError if no instrument answers."""
         asked = ScpiInstrument("instrument", host, port, timeout)
         asked.close()
         return asked.identity

@@ -76,7 +76,7 @@ class Mcs2Client:
         self._do(f":MOVE{axis} {count}")
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Set the piezo of an axis to a constant voltage, 0 to 100 V."""
+        """Set the piezo of an axis to a constant voltage, 0 to 100 V. QuantityError for another voltage."""
         voltage = to_si(voltage, "V", "voltage")
         self.ranges._replace(min_voltage=0.0).check(axis, voltage=voltage)
         self._do(f":CHAN{axis}:MMOD 2")

@@ -26,7 +26,7 @@ from ...twins.stage import Piece, Stage
 
 FULL, FULL_SCALE = 100.0, 65535  # largest voltage of steps and scans, V, and its number in commands
 _TICK = 2e-3  # sampling interval of the closed loop, s
-_WITHIN = 20e-9  # position error below which the target counts as reached, m
+_WITHIN = 20e-9  # measured position error below which the target of a motion counts as reached, m
 _PATIENCE = 2000  # number of ramps and bursts of steps of a motion after which its target counts as missed
 _QUEUE = 20  # largest number of errors in the error queue; older ones are dropped
 _MODULE_CHANNELS = 3  # number of channels of one driver module
@@ -154,7 +154,7 @@ class Mcs2Channel:
 
     @property
     def following_error(self) -> float:
-        """Target minus measured position while the loop is closed, m; otherwise 0."""
+        """Target minus measured position while the position loop is closed, m; otherwise 0."""
         return self.target - self.read() if self.status & _CLOSED else 0.0
 
     @property
@@ -251,7 +251,7 @@ class Mcs2:
         self._emergency_stop = 0
 
     def session(self) -> LineSession:
-        """Return a new session, for one connection."""
+        """Return a new `LineSession`, for one connection of a program."""
         return LineSession(self)
 
     def leave(self) -> None:
@@ -375,7 +375,7 @@ class LineSession:
         self._twin, self._lines = twin, Lines()
 
     def feed(self, data: bytes) -> bytes:
-        """Return the answers to all lines that are complete after these received bytes."""
+        """Return, as bytes to send, the answers to all lines that these received bytes complete."""
         made = (self._twin.execute(line) for line in self._lines.feed(data) if line.strip())
         return "".join(f"{answer}\r\n" for answer in made if answer).encode()
 

@@ -116,7 +116,7 @@ class Kim101:
         self._awaited: set[int] = set()
 
     def session(self) -> FrameSession:
-        """Return a new session, for one connection."""
+        """Return a new `FrameSession`, for one connection of a program, by TCP or serial port."""
         return FrameSession(self)
 
     serial_session = session
@@ -301,7 +301,7 @@ class FrameSession:
         self._updates_left, self._next_update = 0, 0.0
 
     def feed(self, data: bytes) -> bytes:
-        """Return the answers to all frames that are complete after these received bytes.
+        """Return, as bytes to send, the answers to all frames that these received bytes complete.
 
         Raises:
             HangUp: a frame is too long, so that the start of the next one is unknown.
