@@ -31,7 +31,8 @@ HARD, SOFT = 0.1, 5.0
 
 @record
 class AdhesiveBall(NamedTuple):
-    """A smooth ball on a flat with adhesion between them; its load may be negative, down to `pull_off`."""
+    """A smooth ball on a flat with adhesion between them (see the module). The normal force may be negative,
+    down to `pull_off`; below it QuantityError is raised."""
 
     normal_force: Annotated[float, Quantity("N", "P", "normal force, negative in tension")]
     radius: Radius
@@ -66,7 +67,7 @@ class AdhesiveBall(NamedTuple):
 
     @property
     def contact_radius(self) -> float:
-        """Return the contact radius a [m], the mean of those of both limits, weighted by `softness`."""
+        """Return the contact radius a [m], the mean of the DMT and JKR radii weighted by `softness`."""
         pull, load = math.pi * self.adhesion * self.radius, self.normal_force
         dmt = max(load + 2.0 * pull, 0.0)
         jkr = load + 3.0 * pull + math.sqrt(max(6.0 * pull * load + 9.0 * pull**2, 0.0))
@@ -74,7 +75,8 @@ class AdhesiveBall(NamedTuple):
         return (1.0 - self.softness) * math.cbrt(size * dmt) + self.softness * math.cbrt(size * jkr)
 
     def friction(self, shear_strength: float | str) -> float:
-        """Return Bowden and Tabor's friction force [N], for a shear strength [Pa] of the contact, above 0."""
+        """Return Bowden and Tabor's friction force [N], the contact area times a shear strength [Pa] of the
+        contact. Raises QuantityError unless the shear strength is above 0."""
         return _positive(shear_strength, "shear_strength") * math.pi * self.contact_radius**2
 
 

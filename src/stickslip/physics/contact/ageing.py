@@ -22,20 +22,24 @@ from numpy.typing import ArrayLike, NDArray
 from ...quantities.records import Quantity, record
 from ...quantities.units import QuantityError, array_si, to_si
 
-# Relative humidity: below DRY, contacts of oxides do not age; from DAMP to WET, they age strongly.
+# Limits of the relative humidity (0 to 1) for the ageing of oxide contacts: there is no ageing below DRY,
+# strong ageing from DAMP to WET, and weaker ageing above WET.
 DRY, DAMP, WET = 0.01, 0.10, 0.40
 
 
 @record
 class Ageing(NamedTuple):
-    """Static friction that grows with the logarithm of the time at rest [dieterich1972]."""
+    """Static friction that grows with the logarithm of the time at rest (see the module) [dieterich1972].
+
+    `rate` is β, the growth per e-fold of time relative to the Coulomb friction; `cut_off` is t_0, s.
+    """
 
     rate: Annotated[float, Quantity("", "β", "growth per e-fold of time, of the Coulomb friction", minimum=0)]
     cut_off: Annotated[float, Quantity("s", "t_0", "time below which nothing ages", above=0)] = 1.0
 
     def stiction_ratio(self, rest: ArrayLike) -> NDArray[np.float64]:
-        """Return the static friction F_S relative to the Coulomb friction F_C after rests of given times [s],
-        in their shape."""
+        """Return the ratio of static friction F_S to Coulomb friction F_C after rests of given durations [s],
+        in the shape of `rest`. Raises QuantityError for a negative duration."""
         time = array_si(rest, "s", "rest")
         if not np.all(time >= 0.0):
             raise QuantityError("rest [s] is out of range: it must be >= 0 s")

@@ -39,14 +39,19 @@ from .hertz import Load, Modulus
 from .roughness import Roughness
 
 Heights = Literal["gaussian", "exponential"]
-# Range in which the separation is searched, in standard deviations of the heights: nearly all summits touch
-# at the first, nearly none at the second.
+# Range of the separation h that is searched, in standard deviations of the summit heights. At DEEPEST nearly
+# all summits touch, at HIGHEST nearly none.
 DEEPEST, HIGHEST = -3.0, 30.0
 
 
 def moment(order: float, separation: float, heights: Heights) -> float:
-    """Return F_n(h), the moment of order n of the summit heights beyond the separation h (both
-    dimensionless)."""
+    """Return the integral F_n(h) of the module: the moment of order n of the heights beyond the separation h.
+
+    Args:
+        order: n, above -1.
+        separation: h, in standard deviations of the heights.
+        heights: distribution of the heights, "gaussian" or "exponential".
+    """
     if heights == "exponential":
         return float(scipy.special.gamma(order + 1.0)) * math.exp(-separation)
     cylinder = float(scipy.special.pbdv(-order - 1.0, separation)[0])
@@ -60,7 +65,9 @@ def moment(order: float, separation: float, heights: Heights) -> float:
 
 @record
 class GreenwoodWilliamson(NamedTuple):
-    """Two rough flats as summits of one radius and random height against a plane [greenwood1966]."""
+    """Two rough flats in contact, modelled as summits of one radius and random height against a plane; see
+    the module [greenwood1966]. A normal force that the summits cannot carry one by one raises
+    QuantityError."""
 
     normal_force: Load
     summits: Annotated[float, Quantity("", "ηA", "number of summits over the nominal area", minimum=1)]
@@ -92,10 +99,10 @@ class GreenwoodWilliamson(NamedTuple):
         """Return the summit model of a measured roughness.
 
         Args:
-            normal_force: N.
-            nominal_area: m².
+            normal_force: normal force, N.
+            nominal_area: nominal area of contact, m².
             roughness: combined roughness of both surfaces.
-            contact_modulus: E* of both bodies, Pa.
+            contact_modulus: contact modulus E* of both bodies, Pa.
 
         Raises:
             QuantityError: a value is out of range.

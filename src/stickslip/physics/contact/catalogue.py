@@ -23,8 +23,8 @@ _MATERIALS, _PAIRS = Path(__file__).parent / "materials", Path(__file__).parent 
 
 @record
 class Sliding(NamedTuple):
-    """Friction coefficient of a pair, and its uncertainty: 68 % of values lie within the value divided and
-    multiplied by the factor."""
+    """Friction coefficient of a pair, and its uncertainty: 68 % of measured values lie between the
+    coefficient divided by the `friction_factor` and the coefficient multiplied by this factor."""
 
     friction_coefficient: Coefficient
     friction_factor: Annotated[float, Quantity("", "×/÷", "factor within which 68 % lie", above=1)]
@@ -34,7 +34,9 @@ class Sliding(NamedTuple):
 class FrictionPair:
     """Two materials that slide on each other, with the sources of their numbers.
 
-    `assumptions` are the numbers that no source prints, with the reason, by field: "first.hardness".
+    `bodies` are both materials, `friction` their friction coefficient, and `citations` keys of the
+    bibliography. `assumptions` are the numbers that no source prints, by field ("first.hardness"): a text
+    with value and reason.
     """
 
     name: str
@@ -118,10 +120,11 @@ def _material(file: Path) -> tuple[Material, dict[str, SetEntry], list[str]]:
 
 
 def _head(file: Path, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return two mappings of a file's entries: title, citations and kind; and all others.
+    """Read a TOML file; return two mappings of its entries: "title", "citations" and "kind"; and all others.
 
     Raises:
-        ParameterSetError: one of the three is missing, or the kind is another one.
+        ParameterSetError: the file cannot be read, one of the three entries is missing, or its kind is not
+            `kind`.
     """
     content = read_toml(file)
     head = {}

@@ -30,10 +30,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
-Condition = Sequence[float | str]  # values of a condition, one per contact
+# Type of the values of a condition, one per contact: numbers, quantities with units, or names.
+Condition = Sequence[float | str]
 
 LEVEL = 0.95
-# Largest scatter τ of the logarithms that is searched: a factor of 20.
+# Largest scatter τ of the logarithms of a parameter that is searched; it corresponds to a factor of 20.
 MOST_SCATTER = 3.0
 
 
@@ -42,10 +43,11 @@ class ContactComparison:
     """Result of `compare_contacts`.
 
     Attributes:
-        effects: over "parameter" and "effect": `exponent` (for a numeric condition) or `ratio` (for a named
-            one), `low` and `high` of its 95 % interval, `p` (probability of such a value without an effect,
-            corrected for all tests by Holm's method) and `moved` (True if p is below 0.05).
-        values: over "contact" and "parameter": `value`, `low`, `high` of each fit.
+        effects: over "parameter" and "effect": `exponent` (NaN for a named condition) or `ratio` (NaN for a
+            numeric one); `low` and `high` of its 95 % interval; `p`, the probability of such a value without
+            an effect, corrected for all tests by Holm's method; and `moved`, True if p is below 0.05.
+        values: over "contact" and "parameter": `value`, `low`, `high` (95 % interval) of each fit, in the
+            parameter's unit (coordinate "unit").
         scatter: over "parameter": the factor e^τ within which 68 % of equal contacts lie; NaN: unknown.
         remarks: sentences on parameters that could not be compared.
     """
@@ -61,7 +63,8 @@ class ContactComparison:
         return self.report()
 
     def moved(self, effect: str) -> list[str]:
-        """Return the names of the parameters that changed significantly with an effect, given by its name.
+        """Return the names of the parameters that change significantly (p below 0.05) with an effect, given
+        by its name, such as "normal_force" or "surface: ground over lapped".
 
         Raises:
             QuantityError: there is no such effect.
@@ -90,8 +93,8 @@ class ContactComparison:
 
 
 class _Effect(NamedTuple):
-    """A column of the design matrix: its name; its values, one per fit; and True if its coefficient is an
-    exponent (False: the logarithm of a ratio)."""
+    """A column of the design matrix of the regression: its `name`; `column`, its values [fits]; and
+    `exponent`, True if its coefficient is an exponent, False if it is the logarithm of a ratio."""
 
     name: str
     column: Array
@@ -160,8 +163,9 @@ def compare_contacts(
 
 
 class _FittedEffects(NamedTuple):
-    """Result of the regression of one parameter: coefficients of the effects, half-widths of their intervals,
-    their p values, and the scatter τ (NaN: unknown)."""
+    """Result of the regression of one parameter: `coefficients` of the effects [effects], `half_widths` of
+    their 95 % intervals, their p values without Holm's correction (`chances`), and the `scatter` τ (NaN:
+    unknown)."""
 
     coefficients: Array
     half_widths: Array
@@ -173,8 +177,9 @@ def _fitted(design: Array, logarithms: Array, errors: Array) -> _FittedEffects:
     freedom = len(logarithms) - design.shape[1]
 
     def at(variance: float) -> tuple[Array, Array, float]:
-        """Return the coefficients, their covariance, and -2 times the restricted log-likelihood, if the
-        contacts scatter with this `variance` in addition to the errors of the fits."""
+        """Return the coefficients, their covariance, and -2 times the restricted log-likelihood (without a
+        constant), if contacts scatter with the variance τ² = `variance` in addition to the errors of the
+        fits."""
         weight = 1.0 / (errors**2 + variance)
         normal = design.T @ (weight[:, None] * design)
         covariance = np.linalg.inv(normal)
@@ -269,8 +274,8 @@ def _table(compared: list[str], effects: list[_Effect], rows: list[_FittedEffect
 
 
 def _holm(chances: Array) -> Array:
-    """Return the p values of several tests after Holm's correction, which limits the probability of any false
-    finding [holm1979]."""
+    """Return p values after Holm's correction for the number of tests, in the shape of `chances`, the p
+    values without correction. The correction limits the probability that any finding is false [holm1979]."""
     order = np.argsort(chances, axis=None)
     ordered = chances.ravel()[order] * np.arange(chances.size, 0, -1)
     found = np.empty(chances.size)

@@ -29,12 +29,14 @@ from .partial_slip import ExponentialContact
 
 Array = NDArray[np.float64]
 
-# Share of the slip force that the elements of a rough contact omit; such a contact never slides completely.
+# Share of the slip force that is left out when a rough contact is approximated by elements, because the force
+# of such a contact approaches the slip force without reaching it.
 LEFT_OUT = 1e-2
 # Smallest stiffness of an element, relative to that of all elements; smaller ones are left out.
 NOTHING = 1e-9
-FEWEST = 10  # smallest number of samples after a reversal that a fit of loops needs
-# Smallest motion back that counts as a reversal, relative to the range of the position.
+# Smallest number of samples after the first reversal that a fit of loops needs.
+FEWEST = 10
+# Smallest motion back, relative to the range of the position, that counts as a reversal and not as noise.
 TURN = 0.02
 
 
@@ -42,8 +44,8 @@ class LoopElements(NamedTuple):
     """Maxwell slip law fitted to a measured loop.
 
     Attributes:
-        law: the elements.
-        rmse: root mean square deviation of the loop's branches from those of the law, N.
+        law: the Maxwell slip law with the fitted elements.
+        rmse: root mean square deviation of the loop's force from the law's force on all branches, N.
         r_squared: coefficient of determination of the fit to the branches.
     """
 
@@ -65,7 +67,9 @@ def maxwell_slip(contact: Mindlin | ExponentialContact, elements: int = 8) -> Ma
     """
     elements = whole(elements, "elements", 1, 1000)
     share = np.arange(1, elements + 1) / elements
-    if isinstance(contact, Mindlin):  # elements per displacement in proportion to the root of k(x)
+    # The error of linear interpolation is even if the density of the elements over the displacement is
+    # proportional to the square root of k(x).
+    if isinstance(contact, Mindlin):
         nodes = contact.presliding_distance * (1.0 - (1.0 - share) ** (4.0 / 3.0))
     else:
         end = 1.0 - np.sqrt(LEFT_OUT)
@@ -156,11 +160,15 @@ def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopEl
 
 
 def _branches(x: Array, q: Array) -> tuple[Array, Array]:
-    """Return half the displacement, and half the change of the force, since the last reversal, for the
-    samples after the first reversal. Samples beyond the length of the previous branch are left out.
+    """Return half the displacement [m] and half the change of the force [N] since the last reversal, both
+    positive in the direction of the branch.
+
+    There is a value for each sample after the first reversal, except those beyond the length of the previous
+    branch.
 
     Args:
-        x, q: position [m] and force [N], [n].
+        x: position, m, [n].
+        q: force, N, [n].
     """
     turns = [*_turns(x), x.size - 1]
     moved, carried = [np.zeros(0)], [np.zeros(0)]

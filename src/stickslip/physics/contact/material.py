@@ -35,19 +35,20 @@ class Material(NamedTuple):
 
 @record
 class Bodies(NamedTuple):
-    """Two elastic bodies in contact, with the moduli of the pair."""
+    """Two elastic bodies in contact, of the materials `first` and `second`; see the module for the moduli of
+    the pair."""
 
     first: Material
     second: Material
 
     @property
     def contact_modulus(self) -> float:
-        """Return the contact modulus E* [Pa]."""
+        """Return the contact modulus E* of both bodies together [Pa]."""
         return 1.0 / sum((1.0 - one.poissons_ratio**2) / one.youngs_modulus for one in self)
 
     @property
     def tangential_modulus(self) -> float:
-        """Return the tangential modulus G* [Pa]."""
+        """Return the tangential modulus G* of both bodies together [Pa]."""
         return 1.0 / sum((2.0 - one.poissons_ratio) / one.shear_modulus for one in self)
 
     @property
@@ -63,5 +64,5 @@ class Bodies(NamedTuple):
 
     @property
     def hardness(self) -> float | None:
-        """Return the hardness of the softer material [Pa]; None if unknown."""
+        """Return the lower of the known hardnesses of both materials [Pa]; None if both are unknown."""
         return min((one.hardness for one in self if one.hardness is not None), default=None)

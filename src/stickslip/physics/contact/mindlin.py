@@ -59,21 +59,21 @@ class Mindlin(NamedTuple):
         return 1.5 * self.slip_force / self.tangential_stiffness
 
     def displacement(self, force: ArrayLike) -> Array:
-        """Return the tangential displacement δ [m] under forces [N], each increased from 0; at most the slip
-        force."""
+        """Return the tangential displacement δ [m] under forces [N], each increased from 0, in their shape.
+        Raises QuantityError for a force above the slip force."""
         q = self._share(force)
         return self.presliding_distance * np.sign(q) * (1.0 - (1.0 - np.abs(q)) ** (2.0 / 3.0))
 
     def force(self, displacement: ArrayLike) -> Array:
-        """Return the tangential force Q [N] at displacements [m], each increased from 0; beyond
-        `presliding_distance` the slip force."""
+        """Return the tangential force Q [N] at displacements [m], each increased from 0, in their shape; it
+        is the slip force beyond `presliding_distance`."""
         share = array_si(displacement, "m", "displacement") / self.presliding_distance
         rest = np.maximum(1.0 - np.abs(share), 0.0)
         return self.slip_force * np.sign(share) * (1.0 - rest**1.5)
 
     def stick_radius(self, force: ArrayLike) -> Array:
         """Return the radius c [m] of the circle that sticks, under tangential forces [N], each increased from
-        0."""
+        0, in their shape. Raises QuantityError for a force above the slip force."""
         return self.normal.contact_radius * np.cbrt(1.0 - np.abs(self._share(force)))
 
     def loop(self, amplitude: float | str, points: int = 101) -> tuple[Array, Array]:
@@ -81,8 +81,11 @@ class Mindlin(NamedTuple):
         [N].
 
         Args:
-            amplitude: N, at most the slip force.
+            amplitude: largest tangential force, N, at most the slip force.
             points: number of points of each half of the loop; both arrays have twice as many.
+
+        Raises:
+            QuantityError: the amplitude exceeds the slip force, or the number is not 2 or more.
         """
         most = to_si(amplitude, "N", "amplitude")
         up = np.linspace(-most, most, whole(points, "points", 2, 1_000_000))
@@ -93,7 +96,8 @@ class Mindlin(NamedTuple):
         """Return the energy lost per cycle between the tangential forces ± `amplitude` [N], in J: the area of
         the loop."""
         q = float(np.abs(self._share(to_si(amplitude, "N", "amplitude"))))
-        # 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)) with q^3 factored out, to avoid cancellation.
+        # The area of the loop is proportional to 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)). The factor
+        # q^3 of this expression is taken out, because its terms cancel at small q.
         stuck = math.cbrt(1.0 - q)
         shape = (q / (1.0 + stuck + stuck**2)) ** 3 * (1.0 + 3.0 * stuck + stuck**2)
         return 0.8 * self.slip_force * self.presliding_distance * shape

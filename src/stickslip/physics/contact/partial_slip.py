@@ -46,11 +46,11 @@ def backbone(
     constant normal force.
 
     Args:
-        load: function from approaches [m] to normal forces [N], 0 without contact.
-        approach: constant approach, m.
-        displacement: m, [n], not negative.
-        friction_coefficient: μ.
-        stiffness_ratio: k_t/k_n of the bodies.
+        load: function from an array of approaches [m] to normal forces [N], 0 without contact.
+        approach: constant approach of the bodies under the normal force, m.
+        displacement: tangential displacements, m, [n], not negative.
+        friction_coefficient: coefficient of friction μ.
+        stiffness_ratio: ratio k_t/k_n of tangential to normal stiffness of the bodies.
 
     Raises:
         QuantityError: a value of another dimension, or a coefficient or ratio that is not above 0.
@@ -82,7 +82,7 @@ class ExponentialContact(NamedTuple):
 
     @property
     def tangential_stiffness(self) -> float:
-        """Return the tangential stiffness σ₀ [N/m]."""
+        """Return the tangential stiffness σ₀ before any slip [N/m]."""
         return self.stiffness_ratio * self.normal_stiffness
 
     @property

@@ -21,13 +21,15 @@ from .roughness import Roughness
 
 # γ in the decay length u_0 = γ h_rms, and the factor within which it is known (see the module).
 GAMMA, GAMMA_FACTOR = 0.46, 1.2
-# Fraction of the nominal area in contact beyond which the stiffness grows faster than the load.
+# Largest real area of contact, as a fraction of the nominal area, up to which the stiffness is proportional
+# to the load.
 MOST_AREA = 0.2
 
 
 @record
 class Persson(NamedTuple):
-    """Two elastic rough flats with random roughness of many scales [persson2007]."""
+    """Two elastic rough flats in contact, with random roughness of many scales; see the module
+    [persson2007]."""
 
     normal_force: Load
     nominal_area: Annotated[float, Quantity("m^2", "A_0", "nominal area", above=0)]
@@ -63,8 +65,8 @@ class Persson(NamedTuple):
         return self.contact_modulus * self.decay_length * self.roughness.longest
 
     def holds(self) -> str:
-        """Return a sentence that says why the stiffness is not reliable at this load; an empty text if it is
-        reliable."""
+        """Return a sentence that says why the stiffness is not reliable at this normal force (too much real
+        area, or below `least_force`); an empty text if it is reliable."""
         if self.real_area > MOST_AREA * self.nominal_area:
             return (
                 f"{100.0 * self.real_area / self.nominal_area:.0f} % of the nominal area touch: above "

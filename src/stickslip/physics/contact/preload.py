@@ -23,20 +23,23 @@ from ...quantities.records import Quantity, record
 from ...quantities.units import QuantityError, array_si, to_si
 from .hertz import Load
 
-MU_0 = 4e-7 * math.pi  # V s/(A m)
+# Magnetic constant μ_0, V s/(A m).
+MU_0 = 4e-7 * math.pi
 
 Array = NDArray[np.float64]
 
 
 @record
 class PreloadSpring(NamedTuple):
-    """A spring that presses the contact."""
+    """A spring that presses the contact with the preload `force` [N]; `stiffness` [N/m] is normal to the
+    contact."""
 
     force: Load
     stiffness: Annotated[float, Quantity("N/m", "k", "stiffness normal to the contact", minimum=0)]
 
     def normal_force(self, rise: ArrayLike) -> Array:
-        """Return the normal force [N] after the seat has risen [m] against the spring.
+        """Return the normal force [N] after the seat has risen by `rise` [m] against the spring, in its
+        shape.
 
         Raises:
             QuantityError: the contact has lifted off.
@@ -59,14 +62,15 @@ class PreloadSpring(NamedTuple):
 
 @record
 class PreloadMagnet(NamedTuple):
-    """A magnet that pulls the contact together over an air gap."""
+    """A magnet that pulls the contact together over an air gap, against iron; see the module."""
 
     flux_density: Annotated[float, Quantity("T", "B", "remanent flux density", above=0)]
     area: Annotated[float, Quantity("m^2", "A", "area of a pole face", above=0)]
     length: Annotated[float, Quantity("m", "L", "length of the magnet", above=0)]
 
     def normal_force(self, gap: ArrayLike) -> Array:
-        """Return the normal force [N] at an air gap [m]."""
+        """Return the normal force [N] at air gaps [m], in their shape. Raises QuantityError for a negative
+        gap."""
         gap = array_si(gap, "m", "gap")
         if not np.all(gap >= 0.0):
             raise QuantityError("gap [m] is out of range: it must be >= 0 m")

@@ -36,19 +36,20 @@ from .partial_slip import ExponentialContact
 from .persson import GAMMA_FACTOR, Persson
 from .roughness import Roughness
 
-# Factors within which 68 % of measured stiffnesses lie, on either side of the expected one: by errors of the
-# theory, of the roughness, and of the radius of a ball.
+# Factors within which 68 % of measured stiffnesses lie, on either side of the expected one, because of errors
+# of the theory (THEORY), of the roughness (OF_ROUGHNESS) and of the radius of a ball (OF_BALL).
 THEORY, OF_ROUGHNESS, OF_BALL = 2.0, 1.3, 1.1
 _THEORY = Quantity("", "", "the factor within which stiffness follows theory", minimum=1)
-# Largest deviation of a fit from a prior, in standard deviations, at which they count as consistent.
+# Number of standard deviations in half a 95 % interval: the largest deviation of a fit from its prior at
+# which both count as consistent.
 HELD = 1.96
 
 UNITS = {"sigma_0": "N/m", "coulomb_force": "N"}
 
 
 class ExpectedValue(NamedTuple):
-    """Prior of a parameter: its expected `value` in `unit`; 68 % lie between the value divided by `factor`
-    and multiplied by it."""
+    """Prior of a parameter: its expected `value` in `unit`. The true value lies with a probability of 68 %
+    between the expected value divided by `factor` and multiplied by `factor` (a lognormal distribution)."""
 
     value: float
     factor: float
@@ -56,13 +57,13 @@ class ExpectedValue(NamedTuple):
 
     @property
     def prior(self) -> tuple[float, float]:
-        """Return value and standard deviation, in the form in which fits take the prior of a parameter with a
-        logarithmic scale."""
+        """Return the expected value, and this value times the standard deviation of the logarithm. Fits take
+        this pair as the prior of a parameter with a logarithmic scale."""
         return self.value, self.value * math.log(self.factor)
 
     def interval(self, deviations: float = HELD) -> tuple[float, float]:
-        """Return the ends of the interval of ± `deviations` standard deviations of the logarithm; by default
-        95 %."""
+        """Return lower and upper end of the interval of ± `deviations` standard deviations of the logarithm,
+        in the unit of the value; by default the 95 % interval."""
         return self.value / self.factor**deviations, self.value * self.factor**deviations
 
 
@@ -74,8 +75,8 @@ class ContactPrior:
         known: priors by the names of the LuGre law, "sigma_0" and "coulomb_force".
         contact: model of the contact.
         holder: stiffness in series with the contact, N/m; None: rigid.
-        assumptions: values without a source, by name.
-        doubts: sentences on the limits of the model.
+        assumptions: values of the friction pair without a source, by field: a text with value and reason.
+        doubts: sentences on limits of the model that this contact exceeds.
     """
 
     known: Mapping[str, ExpectedValue]
@@ -87,8 +88,8 @@ class ContactPrior:
     _repr_html_ = preformatted
 
     def priors(self, *names: str) -> dict[str, tuple[float, float]]:
-        """Return value and standard deviation of parameters by name, the argument `priors` of
-        `identify_friction` and `identify_loops`. `names`: by default all parameters.
+        """Return value and standard deviation (see `ExpectedValue.prior`) of parameters by name, as the
+        argument `priors` of `identify_friction` and `identify_loops`. `names`: by default all parameters.
 
         Raises:
             QuantityError: there is no prior for a parameter.
@@ -109,8 +110,8 @@ class ContactPrior:
         }
 
     def law(self, sigma_1: float | str = 0.0) -> LuGre:
-        """Return the LuGre law at the expected values, with a given damping [N s/m], as initial values for
-        fits."""
+        """Return the LuGre law with the expected stiffness and Coulomb force and a given damping [N s/m], as
+        initial values for fits. Stiction equals the Coulomb force, and viscous friction is 0."""
         force = self.known["coulomb_force"].value
         return LuGre(
             sigma_0=self.known["sigma_0"].value,
@@ -122,14 +123,14 @@ class ContactPrior:
         )
 
     def maxwell_slip(self, elements: int = 8) -> MaxwellSlip:
-        """Return the Maxwell slip law with the complete presliding loop, at the expected values, by a number
-        of `elements`; see `iwan.maxwell_slip`."""
+        """Return the Maxwell slip law that reproduces the presliding loops of the contact at the expected
+        values, in series with the holder, by a number of `elements`; see `iwan.maxwell_slip`."""
         law = maxwell_slip(self.contact, elements)
         return law if self.holder is None else in_series(law, self.holder)
 
     def widened(self, factor: float | str, *names: str) -> ContactPrior:
-        """Return a prior with wider factors: each is combined in quadrature with a further `factor`, by
-        default for all parameters.
+        """Return a prior with larger factors: the factor of each named parameter, by default of all, is
+        combined in quadrature with a further `factor` (>= 1).
 
         Raises:
             QuantityError: the factor is out of range, or there is no such parameter.
@@ -146,7 +147,8 @@ class ContactPrior:
         """Return the deviation of fitted values from the prior, by name, in standard deviations of the
         prior's logarithm.
 
-        `values` is a fit, or values by name in SI. Beyond ±1.96 the prior is misleading.
+        `values` is a fit, or values by name in SI; parameters without a prior are left out. A deviation
+        beyond ±1.96 means that the prior is misleading.
         """
         found = values.values if isinstance(values, Fit) else values
         return {
@@ -156,7 +158,7 @@ class ContactPrior:
         }
 
     def report(self) -> str:
-        """Return a text table of the priors, with assumptions and doubts."""
+        """Return a text with a table of the priors, the presliding distance, assumptions and doubts."""
         lines = [f"{'parameter':16}{'expected':>14}{'factor':>9}   95 % of what is expected"]
         for name, of in self.known.items():
             low, high = (with_prefix(end, of.unit, 3) for end in of.interval())
@@ -249,7 +251,8 @@ def ball_prior(
     holder = optional_si(holder_stiffness, "N/m", "holder_stiffness")
     theory = _THEORY.check(theory, "theory")
     contacts = whole(contacts, "contacts", 1, 10_000)
-    # n balls that share the load equal one ball with n times the moduli: its contact radius is that of each.
+    # A number of balls that share the load have the same total stiffness as a single ball with the moduli
+    # multiplied by this number. The contact radius of the single ball is that of each ball.
     bodies = pair.bodies
     contact = Mindlin(
         force,
@@ -263,8 +266,8 @@ def ball_prior(
 
 
 def together(*factors: float) -> float:
-    """Return the factor of several independent uncertainties: the logarithms of their factors add in
-    quadrature."""
+    """Return the factor of several independent uncertainties together, from the factors of each: the
+    logarithms of the factors add in quadrature."""
     return math.exp(math.hypot(*(math.log(one) for one in factors)))
 
 
@@ -280,7 +283,8 @@ def _prior(
         if not holder > 0.0:
             raise QuantityError(f"holder_stiffness = {holder:g} N/m is out of range: it must be > 0 N/m")
         stiffness = 1.0 / (1.0 / stiffness + 1.0 / holder)
-        # A known stiffness in series reduces the uncertainty.
+        # The stiffness of the holder is known, so in series with the contact it reduces the uncertainty of
+        # the sum.
         factor = factor ** (stiffness / contact.tangential_stiffness)
     known = {
         "sigma_0": ExpectedValue(stiffness, factor, UNITS["sigma_0"]),

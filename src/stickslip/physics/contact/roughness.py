@@ -29,18 +29,20 @@ Array = NDArray[np.float64]
 
 # Degree of the polynomial (tilt and bow) that is subtracted from a line scan, or from a map as a whole.
 FLATTENED = 2
-FEWEST = 8  # smallest number of heights in each direction of a topography
-# Heights that remain after the subtraction of tilt and bow, relative to the largest one, below which they are
-# only rounding errors.
+# Smallest number of heights in each direction of a measured topography.
+FEWEST = 8
+# Largest rms height after the subtraction of tilt and bow, relative to the largest height before, that counts
+# as rounding errors: such a surface is flat.
 ROUNDING = 1e-12
 
 
 @record
 class Roughness(NamedTuple):
-    """Heights, slopes and curvatures of both surfaces together, between two wavelengths.
+    """Root mean squares of height [m], slope and curvature [1/m] of a rough surface, between two wavelengths
+    [m].
 
-    Slope and curvature are those of the surface in all directions; both, and so the real area, depend on the
-    shortest wavelength. Two rough surfaces add in quadrature: `with_other`.
+    For a contact they are those of both surfaces together (`with_other`). Slope and curvature are those of
+    the surface in all directions; both, and so the real area, depend on the shortest wavelength.
     """
 
     height: Annotated[float, Quantity("m", "h_rms", "root mean square of the heights", above=0)]
@@ -56,7 +58,8 @@ class Roughness(NamedTuple):
             )
 
     def with_other(self, other: Roughness) -> Roughness:
-        """Return the roughness of two independent rough surfaces in contact."""
+        """Return the combined roughness of two independent rough surfaces in contact: height, slope and
+        curvature add in quadrature, and the wavelengths cover both ranges."""
         return Roughness(
             math.hypot(self.height, other.height),
             math.hypot(self.slope, other.slope),
@@ -98,10 +101,13 @@ def self_affine(
     q_l, q_r, q_s = (2.0 * math.pi / wavelength for wavelength in (longest, bend, shortest))
 
     roots = []
-    for power in (1, 3, 5):  # moments of a spectrum that is 1 on its plateau
+    # The integrals of q, q^3 and q^5 times a spectrum that is 1 on its plateau give height, slope and
+    # curvature, except for a common factor.
+    for power in (1, 3, 5):
         flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
         left, ends = power - 1.0 - 2.0 * hurst, math.log(q_s / q_r)
-        fall = q_r**left * ends * float(scipy.special.exprel(left * ends))  # (q_s^left - q_r^left)/left
+        # This is (q_s^left - q_r^left)/left, which is also finite for left = 0.
+        fall = q_r**left * ends * float(scipy.special.exprel(left * ends))
         roots.append(math.sqrt(flat + q_r ** (2.0 + 2.0 * hurst) * fall))
     slope, curvature = (height * root / roots[0] for root in roots[1:])
     return Roughness(height, slope, curvature, longest, shortest)
@@ -145,7 +151,9 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
         raise QuantityError("heights are all alike, or a plane: there is no roughness in them")
     slopes = [np.mean((np.diff(z, axis=i) / steps[i]) ** 2) for i in range(z.ndim)]
     bends = [np.diff(z, 2, axis=i) / steps[i] ** 2 for i in range(z.ndim)]
-    if z.ndim == 1:  # of an isotropic surface, the squares are 2 and 8/3 times those along a line
+    # For an isotropic surface, the mean squares of slope and curvature are 2 and 8/3 times those along a
+    # line.
+    if z.ndim == 1:
         slope, curvature = 2.0 * slopes[0], 8.0 / 3.0 * np.mean(bends[0] ** 2)
     else:
         slope, curvature = sum(slopes), np.mean((bends[0][:, 1:-1] + bends[1][1:-1, :]) ** 2)
@@ -165,7 +173,8 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
         ModuleNotFoundError: SurfaceTopography is missing (extra ``stickslip[topography]``).
     """
     try:
-        with warnings.catch_warnings():  # SurfaceTopography warns that it runs without MPI
+        # The package SurfaceTopography warns at its import if MPI is missing, which is not needed here.
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore", ImportWarning)
             from SurfaceTopography.IO import open_topography
     except ModuleNotFoundError as missing:
@@ -176,7 +185,8 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
     try:
         with open_topography(os.fspath(path)) as reader:
             scan = reader.topography(channel_index=channel)
-    except Exception as error:  # readers of three dozen formats may raise any exception
+    # The readers of three dozen file formats may raise any exception.
+    except Exception as error:
         said = str(error).strip().split("\n")[0]
         raise QuantityError(
             f"{path} cannot be read as a topography: {said or type(error).__name__}"
@@ -210,7 +220,8 @@ def _spacing(given: float | str | tuple[float | str, ...]) -> tuple[float, ...]:
 
 
 def _bowed(z: Array) -> Array:
-    """Return the plane and parabola that fit the heights best, by least squares, in their shape."""
+    """Return the polynomial of degree `FLATTENED` (tilt and bow) that fits heights z [n] or [n, m] best, by
+    least squares: its values in the shape of z."""
     axes = np.meshgrid(*(np.linspace(-1.0, 1.0, n) for n in z.shape), indexing="ij")
     columns = [np.ones(z.size)]
     for i, one in enumerate(axes):

@@ -21,8 +21,8 @@ from ...quantities.units import QuantityError, array_si, to_si
 
 @record
 class RunningIn(NamedTuple):
-    """Friction force during running-in as a function of the sliding path: an exponential from its first to
-    its final value."""
+    """Friction force during running-in as a function of the sliding path: an exponential from the `first` to
+    the `last` value [N], 63 % of which passes over the `path` [m]; see the module."""
 
     first: Annotated[float, Quantity("N", "F_0", "friction at the beginning", above=0)]
     last: Annotated[float, Quantity("N", "F_∞", "friction at the end", above=0)]

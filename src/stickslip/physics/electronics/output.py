@@ -86,7 +86,7 @@ class OutputStage(NamedTuple):
 
     @property
     def updates(self) -> bool:
-        """Return True if the output stage has a converter, so that the output changes only at its updates."""
+        """Return True if the output stage has a converter, whose update rate is finite."""
         return math.isfinite(self.update_rate)
 
     @property

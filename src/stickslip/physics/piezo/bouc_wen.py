@@ -32,7 +32,10 @@ Array = NDArray[np.float64]
 
 @record
 class BoucWen(NamedTuple):
-    """Bouc-Wen hysteresis of order 1 with three parameters; see the module."""
+    """Bouc-Wen hysteresis of order 1 with three parameters; see the module.
+
+    Parameters for which the stroke would not always increase with the voltage raise QuantityError.
+    """
 
     alpha: Annotated[float, Quantity("", "α", "share of a change of the drive that h takes up", minimum=0)]
     beta: Annotated[float, Quantity("1/V", "β", "decay of h on any way of the drive", above=0)]
@@ -105,6 +108,8 @@ def decay_of(of, h, up):
 def along_way(alpha, r, h, du):
     """Return h after the drive has changed by du, if h does not change its sign.
 
+    The result is the closed-form solution of dh/du = α - r h, V.
+
     Args:
         alpha, r: coefficients of dh/du = α - r h, r in 1/V.
         h: hysteretic part at the start, V.
@@ -123,7 +128,8 @@ def crossing(model, h, u, goal):
     if h * up >= 0.0 or model.alpha == 0.0:
         return goal
     r = decay_of(model, h, up)
-    # 0 = α/r + (h - α/r) exp(-r du)
+    # The solution of dh/du = α - r h becomes 0 at the change du of the drive with 0 = α/r + (h - α/r) exp(-r
+    # du).
     du = math.log1p(-r * h / model.alpha) / r
     return u + du if abs(du) < abs(goal - u) else goal
 

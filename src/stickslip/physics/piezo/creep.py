@@ -26,17 +26,21 @@ from ...quantities.units import QuantityError, to_si
 
 Array = NDArray[np.float64]
 
-# Approximate number of terms per decade of time for logarithmic creep. The sum of so many terms deviates from
-# a straight line over the logarithm of time by 0.02 of g.
+# Approximate number of terms per decade of time for logarithmic creep. With this number, the sum of the terms
+# deviates from a straight line over the logarithm of time by 0.02 of g (see the module).
 PER_DECADE = 2
-FEWEST = 2  # smallest number of terms, from which their spacing follows
+# Smallest number of terms of logarithmic creep; from fewer terms no spacing follows.
+FEWEST = 2
 
 
 @registry.piezos.add
 @record
 class Creep(NamedTuple):
-    """Creep of the stroke over seconds to hours by first-order lags, logarithmic or with given time
-    constants; see the module."""
+    """Creep of the stroke over seconds to hours, as a sum of first-order lags; see the module.
+
+    `time_constants` [s] ascend; `shares` are the final strokes of the terms, as fractions of the stroke
+    without creep. `logarithmic` makes terms for the logarithmic law.
+    """
 
     time_constants: Annotated[tuple[float, ...], Quantity("s", "τ_k", "time constant of each term", above=0)]
     shares: Annotated[tuple[float, ...], Quantity("", "a_k", "share of each term", minimum=0)]
@@ -52,8 +56,9 @@ class Creep(NamedTuple):
 
     @classmethod
     def logarithmic(cls, per_decade: float, begin: float | str = 0.1, end: float | str = 100.0) -> Creep:
-        """Return logarithmic creep from `begin` to `end`, s, that adds the fraction `per_decade` of the
-        stroke in each decade of time."""
+        """Return logarithmic creep from the time `begin` to the time `end`, s, that adds the fraction
+        `per_decade` of the stroke in each decade of time. Raises QuantityError unless the times are positive,
+        finite and ascending."""
         times = spread(to_si(begin, "s", "begin"), to_si(end, "s", "end"))
         share = to_si(per_decade, "", "per_decade") * distance(times)
         return cls(tuple(times.tolist()), (share,) * times.size)
@@ -66,7 +71,9 @@ class Creep(NamedTuple):
 
 
 def spread(begin: float, end: float) -> Array:
-    """Return time constants [s] that are evenly spaced over the decades between two times."""
+    """Return time constants [s], evenly spaced on a logarithmic axis between two times [s], about
+    `PER_DECADE` in each decade. Raises QuantityError unless the times are positive, finite and
+    ascending."""
     if not 0.0 < begin < end < math.inf:
         raise QuantityError(f"creep from {begin:g} s to {end:g} s is out of range: 0 s < begin < end, finite")
     count = max(FEWEST, round(PER_DECADE * float(np.log10(end / begin))))
@@ -84,7 +91,7 @@ def distance(times: Sequence[float] | Array) -> float:
 
 
 class Lags(NamedTuple):
-    """Time constants in the engine's form, s."""
+    """Creep terms in the form that the functions of the engine take: time constants `tau` [lags], s."""
 
     tau: Array
 
@@ -103,15 +110,26 @@ def lag_change(tau, step, x, before, after):
 
 
 def struct_of(tau: Array, shares: Array) -> Any:
-    """Return creep terms (time constants tau [s], shares of the gain) as a C struct for the engine; the
-    arrays must exist as long as the struct."""
+    """Return creep terms as a C struct for the engine; the arrays must exist as long as the struct.
+
+    Args:
+        tau: time constants, s.
+        shares: share of each term in the stroke.
+    """
     sized("shares", shares, tau.size)
     return ffi.new("struct lags *", (tau.size, doubles(tau, "time constants"), doubles(shares, "shares")))
 
 
 def relaxed(lags: Lags, times: Array, values: Array, x: Array, out: Array) -> None:
-    """Compute first-order lags of a signal that is linear between samples, exactly, into out[sample, lag].
-    The states x [lags] are replaced by those at the end."""
+    """Compute the outputs of first-order lags of a signal, exactly.
+
+    Args:
+        lags: time constants of the lags.
+        times: sample times, s.
+        values: the signal at these times, linear between them.
+        x: states of the lags at the start, [lags]; replaced by those at the end.
+        out: array for the result, [samples, lags].
+    """
     sized("x", x, lags.tau.size)
     sized("out", out, times.size * x.size)
     sized("values", values, times.size)
@@ -120,10 +138,16 @@ def relaxed(lags: Lags, times: Array, values: Array, x: Array, out: Array) -> No
 
 
 def before_creep(lags: Lags, times: Array, values: Array, shares: Array, x: Array, out: Array) -> None:
-    """Invert creep: compute, into `out`, the signal h for which h plus the sum of shares and lags of h equals
-    `values` at the times [s].
+    """Invert creep: compute the signal h whose sum with its creep, the lags of h times their shares, equals
+    `values`.
 
-    h is linear between samples. The lags' states x are replaced by those at the end.
+    Args:
+        lags: time constants of the lags.
+        times: sample times, s.
+        values: wanted sum at these times, V; h is linear between them.
+        shares: share of each lag.
+        x: states of the lags at the start, V, [lags]; replaced by those at the end.
+        out: array for h at the sample times, V.
     """
     sized("x", x, lags.tau.size)
     sized("out", out, times.size)

@@ -32,8 +32,10 @@ from .operators import REST, samples
 
 Array = NDArray[np.float64]
 
-EXACT = 1e-9  # V, largest error of h over one step
-# Voltages, V, at which the compiled functions of a model are compared with its Python functions.
+# Largest error of h over one integration step, V.
+EXACT = 1e-9
+# Voltages, V, at which the compiled functions of a model are compared with its Python functions, with both
+# signs.
 _VOLTS = (0.0, 1e-6, 0.01, 1.0, 7.0, 100.0)
 
 
@@ -90,7 +92,8 @@ def is_duhem(candidate: object) -> bool:
 
 
 def functions(model_type: type) -> dict[str, Any]:
-    """Return the Python functions that a model has, by role ("slope", "way", "corner")."""
+    """Return the Python functions of a registered model by role: "slope", and "way" and "corner" if it has
+    them (see `register`)."""
     made = _IMPLEMENTATIONS[model_type]._asdict()
     return {role: function for role, function in made.items() if function is not None}
 
@@ -102,7 +105,8 @@ def _inputs(role: str) -> list[tuple[float, ...]]:
     return [(h, u, goal) for h in volts for u in volts for goal in volts]
 
 
-# Interface of such models: the roles in the C struct `duhem`, with their arguments.
+# Interface between piezo models in Duhem's form and the compiled engine: names of the functions (roles) in
+# the C struct `duhem`, with the types of their arguments.
 DUHEM = Interface(
     name="duhem",
     noun="piezo model",
@@ -121,7 +125,8 @@ DUHEM = Interface(
 
 
 class EngineModel:
-    """A registered piezo model in the form that the functions of the engine take."""
+    """A registered piezo model in the form that the functions of the compiled engine take: its compiled
+    functions (or Python functions, if they cannot be compiled) and its parameters."""
 
     def __init__(self, model: Any) -> None:
         self._law = law_of(model, interface=DUHEM)
@@ -129,7 +134,8 @@ class EngineModel:
         self._struct: Any = ffi.new("struct duhem_model *", (self._law.pointer, self._numbers, EXACT))
 
     def call(self, function: Any, *arguments: Any) -> Any:
-        """Call a function of the engine with this model and further arguments; return its result.
+        """Call a function of the engine with this model as first argument, then `arguments`; return its
+        result.
 
         Raises:
             BaseException: the error that the model's Python function has raised.
@@ -142,8 +148,8 @@ class EngineModel:
 
 
 def duhem_response(model: Any, drive: Array, u: float, h: float, out: Array) -> None:
-    """Compute the output H [V] at each sample of the drive [V] into `out`, starting from the drive u and the
-    hysteretic part h, both in V."""
+    """Compute the output H [V] of a registered model at each sample of the drive [V] into the array `out`,
+    starting from the drive value u and the hysteretic part h, both in V."""
     sized("out", out, drive.size)
     function, of = library().stickslip_duhem_response, EngineModel(model)
     of.call(function, drive.size, contiguous(drive), u, h, doubles(out, "out", True))

@@ -40,9 +40,9 @@ Array = NDArray[np.float64]
 class MaxwellCapacitor(NamedTuple):
     """Maxwell slip model with charge: a two-port that reacts to the load; see the module.
 
-    `charge_drive`: the drive commands the charge instead of the voltage, scaled by the capacitance of the
-    free piezo, so that the static stroke is the gain multiplied by the command. If the command jumps, the
-    current is infinite for an instant, which no sample shows.
+    With `charge_drive` the drive commands the charge instead of the voltage, as this charge over the
+    capacitance of the free piezo [V]; so the static stroke is the gain multiplied by the command. If the
+    command jumps, the current is infinite for an instant, which no sample shows.
     """
 
     capacitance: Annotated[
@@ -66,10 +66,10 @@ class MaxwellCapacitor(NamedTuple):
             )
 
     def stops(self) -> tuple[Array, Array]:
-        """Return widths ρ_j [V] and shares a_j of the stop operators that act on e = u + T y/C_0 under
-        voltage control.
+        """Return half-widths ρ_j [V] and weights a_j of the stop operators that act on e = u + T y/C_0 under
+        voltage control (see the module).
 
-        Both have the shape [elements], or [elements, members] if fields are arrays of members.
+        Both have the shape [elements], or [elements, members] if fields are arrays with a value per member.
         """
         every = np.array(np.broadcast_arrays(*self.stiffnesses, *self.breakaways, self.capacitance))
         n = len(self.stiffnesses)
@@ -80,8 +80,11 @@ class MaxwellCapacitor(NamedTuple):
 
     @property
     def operators(self) -> Operators:
-        """Return the elements as plays of the charge [C]: the voltage across the elements is Σ k_i q minus
-        the plays' output."""
+        """Return the elements as plays whose input is the charge q [C]: thresholds v_i/k_i [C] and weights
+        k_i [V/C].
+
+        The voltage across the elements is Σ k_i q minus the output of the plays.
+        """
         k, v, none = np.array(self.stiffnesses), np.array(self.breakaways), np.zeros(0)
         return Operators(v / k, k, none, none, none)
 
@@ -96,9 +99,9 @@ class MaxwellCapacitor(NamedTuple):
         """Return the two-port whose unloaded stage follows a slow voltage like the plays.
 
         Args:
-            plays: including one with threshold 0, without dead zones, with weights that sum to 1 (the gain is
-                then that of large strokes).
-            capacitance: C_0, F.
+            plays: plays without dead zones, one of which has the threshold 0; their weights sum to 1, so that
+                the gain is that of large strokes.
+            capacitance: capacitance C_0 of the blocked piezo, F.
             gain: gain of the actuator, m/V.
             stiffness: stiffness of piezo and stage together, N/m.
 
@@ -118,9 +121,12 @@ class MaxwellCapacitor(NamedTuple):
             raise QuantityError(
                 f"capacitance = {farad} F, gain = {gain} m/V and stiffness = {stiffness} N/m must be > 0"
             )
-        slope = np.cumsum(w)  # slopes of the initial curve of the plays, between the thresholds
-        wanted = np.cumsum(np.diff(r) * slope[:-1])  # output of the plays where each starts to move
-        charge = farad + gain**2 * stiffness  # charge per volt of the plays' output
+        # Slopes of the initial curve (output of the plays over the voltage) between successive thresholds.
+        slope = np.cumsum(w)
+        # Output of the plays, V, at which each further play starts to move.
+        wanted = np.cumsum(np.diff(r) * slope[:-1])
+        # Charge of the piezo per volt of the plays' output, C/V.
+        charge = farad + gain**2 * stiffness
         lost = -np.diff(1.0 / slope)
         return cls(
             farad,

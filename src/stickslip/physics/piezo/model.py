@@ -39,8 +39,8 @@ class Piezo(NamedTuple):
             raise QuantityError("Piezo.creep is not part of a MaxwellCapacitor: leave it out")
 
     def resting_at(self, wanted: float) -> float:
-        """Return the voltage [V], reached from 0 V, at which the output of hysteresis and creep is `wanted`
-        [V] after a long rest."""
+        """Return the voltage [V], reached from 0 V without a reversal, at which the output of hysteresis and
+        creep is `wanted` [V] after a long rest, when creep has ended."""
         share = 1.0 + (sum(self.creep.shares) if self.creep is not None else 0.0)
         level = wanted / share
         return level if self.hysteresis is None else float(self.hysteresis.inverse([level])[0])

@@ -31,10 +31,10 @@ REST = Quantity("V", "u", "voltage at which it rested")
 
 
 class Operators(NamedTuple):
-    """Play operators and dead zones in the engine's form.
+    """Play operators and dead zones in the form that the functions of the engine take; see the module.
 
-    Fields: thresholds r [V] and weights w of the plays; ends s [V], ascending, slopes c and skews d of the
-    dead zones.
+    Fields, all arrays: `threshold`, half-widths r [V], and `weight`, weights w, of the plays; `zone`, ends s
+    [V], ascending, `slope`, slopes c, and `skew`, skews d, of the dead zones.
     """
 
     threshold: Array
@@ -76,25 +76,26 @@ def beyond(u, s):
 
 
 def struct_of(plays: Operators) -> Any:
-    """Return the operators as a C struct for the engine; their arrays must exist as long as the struct."""
+    """Return the operators as a C struct for the engine; the arrays of `plays` must exist as long as the
+    struct."""
     threshold, weight, zone, slope, skew = (doubles(row, "operators") for row in plays)
     sizes = plays.threshold.size, plays.zone.size
     return ffi.new("struct plays *", (*sizes, threshold, weight, zone, slope, skew))
 
 
 def skewed(plays: Operators, u: float) -> float:
-    """Return the input v of the plays, V, for the drive u, V."""
+    """Return the input v of the plays [V] (the skewed drive) for the drive u [V]."""
     return library().stickslip_plays_skewed(struct_of(plays), u)
 
 
 def unskewed(plays: Operators, v: float) -> float:
-    """Return the drive u, V, for which the input of the plays is v, V."""
+    """Return the drive u [V] for which the input of the plays (the skewed drive) is v [V]."""
     return library().stickslip_plays_unskewed(struct_of(plays), v)
 
 
 def response(plays: Operators, drive: Array, z: Array, out: Array) -> None:
-    """Compute the output H [V] of the operators at each sample of a drive [V], into `out`; the plays' states
-    z [V] are replaced by those at the end."""
+    """Compute the output H [V] of the operators at each sample of a drive [V] into the array `out`. The array
+    z, states of the plays at the start [V], is replaced by the states at the end."""
     sized("z", z, plays.threshold.size)
     sized("out", out, drive.size)
     arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
@@ -102,8 +103,8 @@ def response(plays: Operators, drive: Array, z: Array, out: Array) -> None:
 
 
 def states(plays: Operators, drive: Array, z: Array, out: Array) -> None:
-    """Compute the state of each play [V] at each sample of a drive [V], into out[sample, play]; the states z
-    are replaced by those at the end."""
+    """Compute the state of each play [V] at each sample of a drive [V] into the array `out` [samples, plays].
+    The array z, states of the plays at the start [V], is replaced by the states at the end."""
     sized("z", z, plays.threshold.size)
     sized("out", out, drive.size * z.size)
     arrays = contiguous(drive), doubles(z, "z", True), doubles(out, "out", True)
@@ -111,8 +112,12 @@ def states(plays: Operators, drive: Array, z: Array, out: Array) -> None:
 
 
 def inverse(plays: Operators, wanted: Array, u: float, z: Array, out: Array) -> None:
-    """Compute the drive [V] at which the output H equals `wanted` [V] at each sample, into `out`; NaN if
-    there is none. The drive starts at u [V], with the plays' states z [V]."""
+    """Compute the drive [V] at which the output H equals `wanted` [V] at each sample, into the array `out`;
+    NaN where no drive gives it.
+
+    The drive starts at u [V], with the states z of the plays [V]; the array z is replaced by the states at
+    the end.
+    """
     sized("z", z, plays.threshold.size)
     sized("out", out, wanted.size)
     arrays = doubles(z, "z", True), doubles(out, "out", True)

@@ -85,12 +85,13 @@ class PrandtlIshlinskii(NamedTuple):
 
     @property
     def _shares(self) -> Array:
-        """Return the slope dv/du of the plays' input: before the first dead zone, and beyond each."""
+        """Return the slope dv/du of the plays' input v over the drive u: below the end of the first dead
+        zone, then above the end of each, [dead zones + 1]."""
         return np.cumsum((1.0, *(self.skews or (0.0,) * len(self.dead_zones))))
 
     @property
     def operators(self) -> Operators:
-        """Return the operators in the engine's form, as arrays."""
+        """Return the plays and dead zones as arrays, in the form that the functions of the engine take."""
         skews = self.skews or (0.0,) * len(self.dead_zones)
         rows = (self.thresholds, self.weights, self.dead_zones, self.slopes, skews)
         return Operators(*(np.array(row, dtype=float) for row in rows))
@@ -101,8 +102,12 @@ class PrandtlIshlinskii(NamedTuple):
         return rested(np.array(self.thresholds), skewed(self.operators, float(drive)))
 
     def corners(self, drive: float, up: float) -> Array:
-        """Return the voltages [V] at which plays start to move or dead zones end, when the drive moves on in
-        the direction `up` (1.0, -1.0) from `drive`, which it reached from 0 V without a reversal."""
+        """Return the drive voltages [V] at which the slope of H[u] changes after a reversal or a rest.
+
+        They are the voltages at which plays start to move, and the ends of the dead zones, in this order. The
+        drive moves in the direction `up` (1.0 or -1.0) from the value `drive` [V], reached from 0 V without a
+        reversal.
+        """
         plays = self.operators
         along = [unskewed(plays, v) for v in self.rested(drive) + up * plays.threshold]
         return np.append(along, plays.zone)
@@ -142,5 +147,6 @@ class PrandtlIshlinskii(NamedTuple):
 
 
 def rested(thresholds: Array, drive: float) -> Array:
-    """Return the states of plays [V] for an input `drive` [V] that came from 0 V without a reversal."""
+    """Return the states [V] of plays with half-widths `thresholds` [V], for an input `drive` [V] that came
+    from 0 V without a reversal."""
     return np.sign(drive) * np.maximum(abs(drive) - thresholds, 0.0)
