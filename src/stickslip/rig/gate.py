@@ -14,7 +14,7 @@ from .home import Home
 from .limits import LimitError, Limits, beyond, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 
-# Range of the drive, V, from which on constant position readings during this drive are a fault.
+# Smallest range of a drive, V, during which constant position readings are a fault.
 FROZEN_DRIVE = 10.0
 SWITCH_OFF = "switch the amplifier off"  # request to people if the output cannot be brought to 0 V
 # Longest delay from the drive to the position reading, s. The check for constant readings ignores the drive

@@ -71,7 +71,7 @@ class Host:
             self.interlock,
             lambda: site_of(folder.name),
         )
-        self._armer: socket.socket | None = None  # connection that armed the output; None if disarmed
+        self._armer: socket.socket | None = None  # connection that armed the output; its end disarms
         self._lock = threading.Lock()
         self._clients: set[socket.socket] = set()
         self._strangers: list[socket.socket] = []

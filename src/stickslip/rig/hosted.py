@@ -253,7 +253,7 @@ class HostedRig:
             self._first = self._fetched()
 
     def fetch(self) -> Array:
-        """Return the next samples [inputs, n], in their units; n may be 0. Raises what has ended the run."""
+        """Return the next samples [inputs, n], in their units; n may be 0. Raises the error of the run."""
         block, self._first = self._first, None
         return self._fetched() if block is None else block
 

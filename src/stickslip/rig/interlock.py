@@ -28,7 +28,7 @@ from ..recording.replacing import read_small, replaced_whole
 from .capture import CaptureError
 from .protocols import RigError, StopRequested
 
-OPERATORS = "operators"  # name of the permit that every rig needs; it is given at first
+OPERATORS = "operators"  # name of the permit that every rig needs; it is given from the beginning
 FILE = "interlock.json"
 _LONGEST = 400  # greatest number of characters of a reason; the rest is cut off
 HOW_TO_ARM = "Arm it on purpose: --arm WHY on the command line, stickslip.rig.armed(WHY), or the panel"

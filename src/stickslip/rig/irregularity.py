@@ -80,8 +80,9 @@ REGULAR = Irregularity(0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 class Slips:
     """Deviation of a real stage's position from the model's, summed over its slips, sample by sample.
 
-    The position of the model plus `offset` [m] is the position of the real stage. The offset is the excess of
-    all slips so far, plus the present elastic yield r of the slider's seat, which relaxes after a stop.
+    The position of the model plus `offset` [m or rad] is the position of the real stage. The offset is the
+    excess of all slips so far, plus the present elastic yield r of the slider's seat, which relaxes after a
+    stop.
 
     Args:
         of: size of each kind of irregularity.

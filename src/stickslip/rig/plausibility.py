@@ -41,9 +41,9 @@ _INF = math.inf
 class Plausibility(NamedTuple):
     """Thresholds beyond which a closed loop rejects the measured position and stops.
 
-    All lengths are in m, or in rad for a rotary actuator. With a `gain` of 0 the actuator is unknown: then
-    only `speed`, `at_limit` and the difference of two `sensors` are checked. `control.plausibility` gives the
-    thresholds of a model. `inf` switches a threshold off.
+    Positions are in m, or in rad for a rotary actuator (`gain` then in rad/V). With a `gain` of 0 the
+    actuator is unknown: then only `speed`, `at_limit` and the difference of two `sensors` are checked.
+    `control.plausibility` gives the thresholds of a model. `inf` switches a threshold off.
     """
 
     gain: Annotated[float, Quantity("m/V", "C", "stroke per volt; 0 if unknown", minimum=0)] = 0.0

@@ -74,7 +74,7 @@ def check_positive(**values: float) -> None:
 
 
 def check_ready(can: Capabilities, volts: Array, samples: int) -> None:
-    """Raise RigError if no drive was loaded (`volts` [n] is empty) or none was armed (`samples` is 0).
+    """Raise RigError if no drive was loaded (`volts` [n] is empty) or no inputs were armed (`samples` 0).
 
     `can` are the capabilities of the rig, which give its name for the error.
     """

@@ -14,7 +14,7 @@ The requests::
     | close | | the rig is at 0 V and free |
     | run | the fields of `order.Order`; the drive [V], or targets [m] for a closed loop | started |
     | command | what: arguments for the controller of that loop | accepted, or refused |
-    | fetch | wait [s] | phase, position, began [m], ramp_after [s], loop; the next samples [inputs, n] |
+    | fetch | wait [s] | phase, position, began [m, rad], ramp_after [s], loop; next samples [inputs, n] |
     | home_here | input, calibration, slew [V/s] | the present position is home |
     | beat | | noted: the operator's page is alive |
     | stop | why; disarm: also disarm | stopped: True if a run was active |

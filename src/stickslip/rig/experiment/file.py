@@ -200,8 +200,8 @@ class RunSpec(Strict):
 class InstrumentSpec(Strict):
     """An instrument on the control panel; `variables` are the names of the channels or variables.
 
-    A "plotter" and a "display" show channels or variables, an "input" sets variables. `width` is in twelfths
-    of the panel's width, `height` in rows.
+    A "plotter" plots channels, a "display" shows values of channels or variables, and an "input" sets
+    variables. `width` is in twelfths of the panel's width, `height` in rows.
     """
 
     kind: Literal["plotter", "input", "display"]

@@ -91,7 +91,7 @@ class Mcs2Client:
         self._do(f":MOVE{axis} {round(1e12 * position)}")
 
     def moving(self, axis: int) -> bool:
-        """Return True while the axis moves. Holding a position is no motion."""
+        """Return True while the axis moves, as the controller's status reports."""
         self.ranges.check(axis)
         return bool(self._number(f":CHAN{axis}:STAT?") & _MOVING)
 
