@@ -67,7 +67,7 @@ class Index:
             self._own.close()
 
     def rebuild(self) -> None:
-        """Delete the table; the next query reads every file again."""
+        """Delete the file of the table; the next query reads all runs again. The runs themselves stay."""
         (self.folder / _FOLDER / "runs.sqlite").unlink(missing_ok=True)
 
     def rows(self, search: str = "", **equal: str) -> list[dict[str, Any]]:
@@ -220,7 +220,7 @@ class Index:
         database.execute(f"INSERT OR REPLACE INTO runs VALUES ({marks})", values)
 
     def _row(self, name: str, entry: FoundRun) -> dict[str, Any]:
-        """Read a found run and return its row in the form that the table stores.
+        """Read a found run and return its row (values by column) in the form that the table stores.
 
         Any failure to read the run becomes the text in the row's column `problem`.
 

@@ -35,7 +35,8 @@ class FoundRun(NamedTuple):
 def entries(root: str) -> Iterator[FoundRun]:
     """Yield the runs in a folder and its subfolders, except hidden ones and those inside a study's store.
 
-    Samples that a killed program has left in a folder are first converted to a recording.
+    Samples that a killed program has left in a folder are first converted to a recording. A folder that
+    cannot be listed, or lies more than `MOST_LEVELS` levels deep, yields a `FoundRun` of the kind "folder".
     """
     waiting = [(root, 0)]
     while waiting:

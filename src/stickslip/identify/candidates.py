@@ -25,8 +25,8 @@ class Candidate(NamedTuple):
         label: name of the model in the comparison.
         model: friction law (or another model) with initial values; None: a model that has no law.
         free: names of the parameters to fit.
-        bounds: bounds of parameters by name.
-        starts: number of initial guesses.
+        bounds: bounds (lower, upper) of parameters by name, in SI or as strings.
+        starts: number of initial guesses; above 1 for a law whose sum of squares has several local minima.
         tied: expressions of tied parameters by name.
         priors: value and standard deviation of parameters by name.
     """

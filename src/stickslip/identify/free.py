@@ -192,10 +192,11 @@ def said_of(
     priors: Bounds | None = None,
     tied: Mapping[str, str] | None = None,
 ) -> Said:
-    """Return the settings of all parameters, whether given by name or in a `Parameter`.
+    """Return the settings of a fit's parameters, in one form whether given by name or in a `Parameter`.
 
     Args:
-        free: names, or `Parameter` objects, which contain initial value, bounds, prior and tie.
+        free: names, or `Parameter` objects, which contain initial value, bounds, prior and tie. A fixed or
+            tied `Parameter` becomes an entry of `tied`.
         known: values of the model with their units.
         bounds, priors, tied: settings of parameters by name.
 
@@ -265,13 +266,13 @@ def known_of(model: Any, others: Mapping[str, tuple[float, str]], along: Coordin
 
 
 def beside(free: Sequence[str], tied: Mapping[str, str], known: NamedValues) -> list[Parameter]:
-    """Return the parameters that a fit needs besides the free ones: tied ones, and the fixed ones in their
-    expressions.
+    """Return the parameters that a fit needs besides the free ones: those in `tied`, then the values in their
+    expressions that are neither free nor tied, as fixed parameters.
 
     Args:
         free: names of the free parameters.
         tied: expression of each tied parameter by name, see `estimate.tied`.
-        known: all values that an expression may contain; values that are neither free nor tied are constant.
+        known: all values that an expression may contain.
 
     Raises:
         QuantityError: a name is unknown, or free and tied at once; or an expression cannot be read.
@@ -321,7 +322,7 @@ def with_prior(p: Parameter, priors: Bounds) -> Parameter:
 
 def check_priors(priors: Bounds, free: Sequence[str], noise: float | None, what: str) -> None:
     """Raise QuantityError if a prior belongs to no free parameter, or if there are priors but no given noise
-    (`noise` is None); `what` names the noise in the message."""
+    (`noise` is None); `what` is the unit and meaning of the noise in the message."""
     for name in priors:
         if name not in free:
             raise QuantityError(f"there is a prior for {name!r}, which is not free{did_you_mean(name, free)}")

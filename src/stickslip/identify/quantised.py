@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 
 class Inexact(NamedTuple):
     """A recorded quantity that a fit takes as exact: samples `values` [n], the `step` between converter
-    levels (0: none), and the standard deviation of white `noise` (0: none), all in the same unit."""
+    levels (0: no levels), and the standard deviation of white `noise` (0: no noise), all in the same unit."""
 
     values: Array
     step: float = 0.0
@@ -44,8 +44,8 @@ class Inexact(NamedTuple):
 
     @classmethod
     def seen(cls, values: Array, *, noisy: bool = True) -> Inexact:
-        """Return the quantity with the converter step or the white noise that its samples show, whichever is
-        larger; without noise if `noisy` is False."""
+        """Return the quantity with these samples and either the converter step or the white noise that they
+        show, whichever is larger; with `noisy` False only the step."""
         step, noise = (
             converter_step(values),
             min(noise_level(values, order) for order in ORDERS) if noisy else 0.0,
@@ -80,8 +80,9 @@ def moved_by(known: Sequence[Inexact], residuals: Callable[[Sequence[Array]], Ar
 
 
 def with_moved(fit: Fit, moved: Array | None, said: str) -> Fit:
-    """Return the fit with the uncertainty added that follows from the residual changes `moved` (from
-    `moved_by`), and with the remark `said` if that is a large part; unchanged if `moved` is None."""
+    """Return the fit with the uncertainty added that follows from the residual changes `moved`, shape (draws,
+    n), from `moved_by`; unchanged if `moved` is None. The remark `said` is added if this is more than
+    `WORTH_SAYING` of the variance of any parameter."""
     if fit.jacobian is None or moved is None:
         return fit
     wider = with_inherited(fit, moved.T, np.eye(DRAWS) / DRAWS)

@@ -47,7 +47,8 @@ def piezo_numbers(piezo: Piezo) -> dict[str, Any]:
 
 
 def piezo_of(numbers: Mapping[str, Any]) -> Piezo:
-    """Return the piezo that `piezo_numbers` has written, from the numbers read from results.json."""
+    """Return the piezo that `piezo_numbers` has written, from the numbers read from results.json. Raises
+    QuantityError if a value is missing, out of range, or in a wrong unit."""
     return Piezo(
         **{
             part: _made(registry.piezos.of_results(one), one["values"], f"piezo.{part}")

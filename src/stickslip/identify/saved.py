@@ -80,8 +80,8 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
     """Return a fit that `save_fit` wrote, with its prediction and report.
 
     Raises:
-        FitError: the file cannot be read, contains no fit, or a fit of a user's law that is not registered
-            here.
+        FitError: the file cannot be read, does not contain a fit, or contains a fit of a user's law that is
+            not registered in this program.
     """
     types = saved_types()
     with damaged(FitError, f"{path}: there is no fit in it (ss.save_fit writes one)"):

@@ -109,10 +109,10 @@ def with_scales(
 
 
 def by_prediction(recordings: Sequence[xr.Dataset], name: str) -> Callable[[Fit], ByKnown]:
-    """Return a function `derivatives` for `with_scales`.
+    """Return a function for the argument `derivatives` of `with_scales`.
 
-    It computes the derivative by the scale of channel `name` from predictions of the recordings with this
-    channel multiplied by 1 - 1e-3 and 1 + 1e-3.
+    The function computes the derivative by the scale of the input channel `name` from predictions of the
+    recordings (`fit.predict`) with this channel multiplied by 1 - 1e-3 and 1 + 1e-3.
     """
 
     def of(fit: Fit) -> ByKnown:
@@ -136,7 +136,7 @@ def moved(fit: Fit, column: Array, known: Mapping[str, float]) -> dict[str, floa
     Args:
         fit: fit with its Jacobian.
         column: change of the residuals, in the unit of the data, shape (n,).
-        known: given changes of coordinates by name.
+        known: given changes of coordinates q by the name of the parameter.
     """
     rows, target = tangent(fit), over_noise(fit, column[:, None])[:, 0]
     fixed = {i: known[p.name] for i, p in enumerate(fit.parameters) if p.name in known}

@@ -124,7 +124,7 @@ def _points(
     velocity: ArrayLike, force: ArrayLike, deviation: ArrayLike | None
 ) -> tuple[Array, Array, Array | None, tuple[str, ...]]:
     """Return velocity, force and deviation (None if not given) of the points in motion, shape (n,) each, and
-    remarks: a sentence on points at rest that are left out, if any.
+    a tuple of remarks: one sentence if points at rest are left out, else empty.
 
     Raises:
         FitError: the points are unsuitable, see `identify_stribeck`.

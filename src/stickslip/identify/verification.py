@@ -304,8 +304,8 @@ def _unjudged(
     doubts: Sequence[str],
 ) -> tuple[list[str], list[str]]:
     """Return two lists of sentences on recordings whose noise is not known independently and whose residuals
-    exceed their white noise: a remark on each; and a statement on those that the model does not explain,
-    because the fit has `doubts` or, for forces, the residual is a too large share of the range."""
+    exceed their white noise: a remark on each; and statements on those that the model does not explain,
+    because the fit has `doubts` or, for forces, the residual exceeds `MEASURED` of the range."""
     remarks, unexplained = [], []
     for lack, good, x in zip(lacks, goods, measured, strict=True):
         words = (good.name, good.unit, _KINDS.get(good.unit, "values"), "the model does not explain it")
@@ -345,12 +345,12 @@ def verify(
     Args:
         fit: result of an identification that builds a model, or a `Predictor`.
         recordings: with the channels that the identification needed.
-        drive: waveform of each recording, or one for all, in its time. By default, a walk's own is used: see
-            `taken_drive`.
+        drive: waveform of each recording, or one for all, in the recording's time. By default, a walk's own
+            is used: see `taken_drive`.
 
     Raises:
-        RecordingError: a channel is missing, too short, not finite or in another unit than the fit's; numbers
-            do not match.
+        RecordingError: a channel is missing, too short, not finite or in another unit than the fit's; the
+            prediction is not finite; or there is another number of waveforms than recordings.
         ValueError: `fit` is neither a fit nor a `Predictor`.
         FitError: the fit cannot predict a recording; the message says why, and which fit can.
     """

@@ -48,7 +48,7 @@ from ...waveform.signal import Waveform
 # Speeds, m/s. At CREEPING the damping forces are negligible; SLOW and FAST lie below and above the Stribeck
 # range.
 CREEPING, SLOW, FAST = 1e-8, 1e-5, 1e-2
-_LOW, _HIGH = 0.1, 0.4  # ends of the oscillating load, relative to the sliding force
+_LOW, _HIGH = 0.1, 0.4  # ends of the oscillating load in `_drift`, relative to the sliding force
 # Spring [N/m] that loads the mass in `_drift`, softer than any contact, and frequency of the load [Hz], far
 # below the mass's resonance.
 _LOAD_SPRING, _LOAD_FREQUENCY = 50.0, 5.0
@@ -181,9 +181,9 @@ def _stiffness(law: Any) -> float:
 
 
 def _elastic_range(law: Any, z_c: float) -> float:
-    """Return the largest displacement from rest [m], in steps of z_c/50 up to 2 z_c, whose closed loop
-    dissipates less than 0.1 % of its work. z_c [m] is the sliding force over the stiffness; 0 for a rigid
-    contact."""
+    """Return the largest displacement from rest [m], in steps of z_c/50 up to 2 z_c, after which the way back
+    returns more than 99.9 % of the work. z_c [m] is the sliding force over the stiffness; 0 for a rigid
+    contact, for which the result is 0."""
     widest = 0.0
     if z_c == 0.0:
         return widest

@@ -33,8 +33,8 @@ def laws_as_markdown(rows: Iterable[LawCharacter]) -> str:
 
 
 def limits_as_markdown(rows: Iterable[Limit]) -> str:
-    """Return a Markdown table with one row per limit and the largest difference between the two simulated
-    walks."""
+    """Return a Markdown table with one row per limit: the law, the condition, the law that it becomes, and
+    the largest difference [m] between the two simulated walks."""
     heads = ("law", "with", "becomes", "largest difference")
     return _table(heads, [(r.law, r.condition, r.becomes, with_prefix(r.difference, "m", 3)) for r in rows])
 

@@ -9,8 +9,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-# Grid of the ratio of the variance of the position noise to that of the scatter of steps, from almost zero to
-# almost infinite. The logarithm is uniform, because the scale is not known.
+# Ratios of the variance of the position noise to the variance of the scatter of steps that are tried, from
+# almost zero to almost infinite. They are evenly spaced in the logarithm, because the scale is not known.
 _RATIOS = np.logspace(-8.0, 3.0, 34)
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ def mean_step(differences: Array, moves: Array) -> tuple[float, float]:
 
 def degrees_of_freedom(n: int) -> int:
     """Return the degrees of freedom of Student's t for the standard error that `mean_step` returns for n
-    differences."""
+    differences: n - 2, and at least 1."""
     return max(n - 2, 1)
 
 

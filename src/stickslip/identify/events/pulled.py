@@ -57,7 +57,8 @@ UNPREDICTED = "it is of the means of events; a simulated PulledSlider with its c
 
 @record
 class PulledRig(NamedTuple):
-    """Set-up that pulls the slider: its mass, spring and speed."""
+    """Set-up of the experiment: mass of the slider, stiffness of the spring, and speed of the spring's far
+    end."""
 
     mass: Annotated[float, Quantity("kg", "m", "mass of the slider", above=0.0)]
     stiffness: Annotated[float, Quantity("N/m", "k", "stiffness of the spring", above=0.0)]
@@ -65,18 +66,18 @@ class PulledRig(NamedTuple):
 
     @property
     def weight(self) -> float:
-        """Return m g, N."""
+        """Return the weight of the slider, N."""
         return self.mass * STANDARD_GRAVITY
 
     @property
     def loading_rate(self) -> float:
-        """Return the growth per second of the spring force, relative to the weight, while the slider
-        sticks."""
+        """Return the growth of the spring force per second while the slider sticks, relative to the slider's
+        weight, 1/s."""
         return self.stiffness * self.speed / self.weight
 
     @property
     def natural_frequency(self) -> float:
-        """Return sqrt(k/m), rad/s."""
+        """Return the natural angular frequency of the slider on its spring without friction, rad/s."""
         return math.sqrt(self.stiffness / self.mass)
 
 
@@ -207,8 +208,8 @@ def _force(recording: xr.Dataset, channel: str) -> NDArray[np.float64]:
 
 
 def _range_of_noise(force: NDArray[np.float64], size: int) -> float:
-    """Return the expected range (largest less smallest) of the force's white noise after a median filter of
-    `size` samples."""
+    """Return the expected range (largest less smallest) of the white noise of a force [n], in its unit, after
+    a median filter of `size` samples."""
     # A median of n samples scatters 1.2533 times (the root of pi/2) as much as their mean.
     spread = 1.2533 * noise_level(force) / math.sqrt(size) if size > 1 else noise_level(force)
     return 2.0 * math.sqrt(2.0 * math.log(force.size)) * spread

@@ -159,7 +159,7 @@ def _steps(t: Array, x: Array, slips: SlipEvents) -> dict[str, Any]:
 
 def _walk(t: Array, x: Array, slips: SlipEvents, steps: dict[str, Array], number: int) -> dict[str, float]:
     """Return the features of walk `number`, by the names in `WALK_UNITS`, from times t [s], positions x [m],
-    the slips, and the steps of `_steps`."""
+    the slips, and the steps of `_steps`. Features that need two known peaks are NaN without them."""
     own = slips.walk == number
     time, peak, p = slips.time[own], steps["peak"][own], slips.period
     along = -float(slips.sign[own][0])

@@ -34,8 +34,8 @@ from .response import drive_rms
 
 Array = NDArray[np.float64]
 
-# Relative difference of amplitudes below which they are equal, and up to which a prediction outside the
-# fitted range gives no warning.
+# Relative difference of two drive amplitudes up to which they count as equal, and up to which an amplitude
+# outside the fitted range gives no warning.
 ALIKE = 0.02
 
 
@@ -166,7 +166,7 @@ def _mean_power(z: Array) -> Array:
 
 
 def law_by_exponent(ratio: Array, p: float) -> Array:
-    """Return the derivative of `law` by the exponent p, at the same amplitude ratios."""
+    """Return the derivative of `law` by the exponent p at these amplitude ratios, in their shape."""
     logarithm = np.log(ratio)
     z = p * logarithm
     series = logarithm**2 * (0.5 + z / 3 + z**2 / 8)

@@ -86,9 +86,9 @@ def _held_mode(
 
 
 def _held_delay(drive: np.ndarray, delay: float, sample: float, periodic: bool) -> np.ndarray:
-    """Return the drive (..., samples) delayed by `delay` [s]: for each sample, the value held at that earlier
-    instant. `sample` is the sampling interval [s]. A `periodic` drive wraps round; otherwise it is 0
-    before."""
+    """Return the drive, V, shape (..., samples), delayed by `delay` [s]: at each sample, the value that was
+    held just before, `delay` earlier. `sample` is the sampling interval [s]. Before its first sample, the
+    drive is 0 or, if `periodic`, repeats."""
     n = math.floor(delay / sample) + 1
     late = np.roll(drive, n, axis=-1)
     if not periodic:

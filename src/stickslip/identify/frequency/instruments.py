@@ -34,9 +34,10 @@ def applied_voltage(
     because the command is in volts at the piezo. Each command value must hold for at least one whole sample.
 
     Args:
-        command: V, shape (n,); constant before its first sample.
+        command: command to the amplifier, in volts at the piezo, shape (n,); constant before its first
+            sample.
         sample_rate: Hz.
-        amplifier: see `Amplifier`.
+        amplifier: properties of the amplifier.
         capacitance: capacitance of the piezo, F.
 
     Returns:

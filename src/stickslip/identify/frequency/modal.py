@@ -55,7 +55,7 @@ class ModalModel(NamedTuple):
         natural_frequency: shape (modes,), rad/s.
         damping_ratio: shape (modes,).
         delay: s.
-        gain: A, shape (modes, outputs, inputs), response per drive.
+        gain: A, shape (modes, outputs, inputs), unit of the response per unit of the drive, as m/V.
         rate_gain: B, same shape and unit.
         remainder: D, shape (outputs, inputs), same unit.
     """
@@ -318,7 +318,8 @@ def _fit(
 
 
 def delay_parameter(longest: float) -> Parameter:
-    """Return the delay [s] as a parameter that is first searched up to `longest`."""
+    """Return the delay as a parameter, first searched from -`longest` to `longest` [s], and then without
+    limit."""
     return Parameter("delay", 0.0, -longest, longest, "s", log=False, limits=ANY)
 
 

@@ -41,8 +41,9 @@ def misfit(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> float:
 
 
 def alike(fit: Fit, measured: Sequence[NDArray[np.float64]]) -> float:
-    """Return the factor, at least 1, by which an excess of chi-squared of other minima is divided because the
-    noise is correlated or the law is wrong. `measured` are the forces of each recording."""
+    """Return the factor, at least 1, by which an excess of chi-squared of other minima is divided, because
+    the noise is correlated or the law is wrong. It makes minima of a wrong law count as equally good (see
+    `ALIKE`). `measured` are the forces of each recording."""
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
     noise = float(np.median([inflation(fit, i) for i in range(len(fit.parameters))]))
     if not variance > 0.0:

@@ -110,7 +110,8 @@ class PlayGrid(NamedTuple):
         return cls(0.5 * (high - low) * np.arange(plays) / plays, zones, times).skewed_by(skew)
 
     def skewed_by(self, skew: float) -> PlayGrid:
-        """Return the grid with this skew; thresholds keep their shares of the range of the plays' input."""
+        """Return the grid with this skew [1/V]; the thresholds are scaled with the range of the plays' input,
+        which the skew changes."""
         if skew == self.skew:
             return self
         low, high = self.zones[0], self.zones[0] + ZONES * (self.zones[1] - self.zones[0])
@@ -119,7 +120,7 @@ class PlayGrid(NamedTuple):
         return made._replace(thresholds=self.thresholds * (then / now))
 
     def without(self, bent: bool, creep: bool) -> PlayGrid:
-        """Return the grid without the square (`bent`), without the creep, or without both."""
+        """Return the grid without the square if `bent` is True, and without creep if `creep` is True."""
         none = np.zeros(0)
         return self._replace(zones=none if bent else self.zones, times=none if creep else self.times)
 
@@ -130,7 +131,8 @@ class PlayGrid(NamedTuple):
 
     @property
     def plays(self) -> Operators:
-        """Return the play operators with weights of 1, without square and creep."""
+        """Return the play operators of these thresholds and this skew, with weights of 1, without square and
+        creep."""
         ones, none = np.ones(self.thresholds.size), np.zeros(self.zones.size)
         return Operators(self.thresholds, ones, self.zones, none, self.skew * self.bends)
 
@@ -174,7 +176,8 @@ def turns(observed: Observed) -> bool:
 
 
 def refuse_one_way(observed: Sequence[Observed]) -> None:
-    """Raise RecordingError if no drive reverses."""
+    """Raise RecordingError if no recording's drive reverses (see `turns`), because hysteresis shows only
+    then."""
     if not any(turns(one) for one in observed):
         one = observed[0]
         raise RecordingError(
@@ -204,7 +207,8 @@ def repeated(drive: Array) -> tuple[float, float, float]:
 
 
 def at_piezo(observed: Observed, timing: DelayAndLag) -> Array:
-    """Return the voltage at the piezo, V, shape (n,), after delay and lag."""
+    """Return the voltage at the piezo, V, shape (n,): the recorded drive after delay and lag (`timing`), with
+    the rest or the motion before the first sample."""
     time, rest, late = observed.time, observed.rest, observed.drive
     if observed.cycled:
         # The drive before the recording is not known: its first slope is continued backwards.

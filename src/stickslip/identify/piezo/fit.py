@@ -175,9 +175,9 @@ def identify_piezo(
 
 
 def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> bool:
-    """Return True if a choice has a smaller residual over all samples than another, and if this ratio times
-    the ratio of the held-out residuals is below 1. Held-out residuals alone would hide a lag after a single
-    edge; the residual of all samples alone would fit hysteresis by a lag."""
+    """Return True if `choice` has a smaller residual over all samples than `other`, and if the ratio of these
+    residuals times the ratio of the held-out residuals is below 1. Held-out residuals alone would hide a lag
+    after a single edge; the residual of all samples alone would fit hysteresis by a lag."""
     less = left_of_all(seen, choice.late, choice.grid)[0] / left_of_all(seen, other.late, other.grid)[0]
     return less < 1.0 and less * choice.score < other.score
 
@@ -195,7 +195,7 @@ def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, t
 
 
 def _only_noise(fit: Fit, seen: Sequence[Observed]) -> bool:
-    """Return True if the residuals are only white noise."""
+    """Return True if no recording's residual exceeds the white noise of its positions."""
     return not _left(fit, seen)
 
 
@@ -370,7 +370,7 @@ def _known(observed: Observed) -> KnownNoise:
 def _predicting(
     fit: Fit, grid: PlayGrid, timing: DelayAndLag, seen: Sequence[Observed], observed: str
 ) -> PiezoPrediction:
-    """Return `prediction_of` a fit; for an impossible piezo, raise an error that says what to change."""
+    """Return `prediction_of` a fit. Raises RecordingError if the fitted hysteresis has no inverse."""
     try:
         return prediction_of(fit.values, grid, timing, seen, observed)
     except QuantityError as error:

@@ -245,6 +245,6 @@ def _noisy(values: NDArray[np.float64]) -> bool:
 
 
 def edges(drive: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return a mask [n] of the samples at which a drive [n] jumps. Steps and walks have such edges, slow
-    loops none."""
+    """Return an array [n] that is True at the samples to which a drive [n] jumps from the previous sample, by
+    more than the share `EDGE` of its range. Steps and walks have such edges, slow loops do not."""
     return np.abs(np.diff(drive, prepend=drive[0])) > EDGE * np.ptp(drive)

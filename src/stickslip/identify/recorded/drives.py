@@ -184,8 +184,9 @@ def greatest_difference(
 
 
 def periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:
-    """Return the start [s] of the first periodic part of a drive that starts at `begin` [s], and the part;
-    None instead of the part for an aperiodic drive. The drive may be a sequence of parts."""
+    """Return the start [s] of the first periodic part of a drive that starts at `begin` [s], and this part, a
+    waveform with a period. For an aperiodic drive the part is None and the start has no meaning. The drive
+    may be a sequence of parts."""
     if isinstance(drive, Slewed):
         return periodic_part(drive.source, begin)
     if not isinstance(drive, Sequence):

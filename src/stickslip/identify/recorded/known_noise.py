@@ -131,7 +131,7 @@ def _settled(samples: int) -> int:
 
 
 def first_change(drive: Array, share: float) -> int:
-    """Return the number of samples before a drive [n] leaves its first level by this share of its range; 0 if
-    it never does."""
+    """Return the number of samples before a drive [n] differs from its first value by more than the share
+    `share` of its range; 0 if the drive is constant."""
     moved = np.abs(drive - drive[0]) > share * np.ptp(drive)
     return int(np.argmax(moved)) if np.any(moved) else 0

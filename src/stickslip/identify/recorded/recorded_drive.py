@@ -82,14 +82,15 @@ class RecordedDrive:
         return self.least, self.greatest
 
     def drive(self, duration: float) -> Drive:
-        """Return the segment table of the drive for 0 <= t < duration [s]."""
+        """Return the table of the drive's cubic segments for 0 <= t < `duration` [s]."""
         none = np.zeros(self.start.size + 1, dtype=np.int64)
         table = Drive(float(self.polynomial[0, 0]), self.start, self.polynomial, none, np.zeros((0, 4)))
         return cut(table, duration)
 
 
 class Knot(NamedTuple):
-    """A jump, a kink or an end of the drive: its time [s], and the voltages just before and after it."""
+    """A jump, a kink or an end of the drive: its `time` [s], and the voltages just `before` and `after` it,
+    V, which are equal except at a jump."""
 
     time: float
     before: float
@@ -97,7 +98,8 @@ class Knot(NamedTuple):
 
 
 class StraightLine(NamedTuple):
-    """A straight line u = level + slope (t - time) through samples, with their rms deviation `scatter`, V."""
+    """A straight line u = level + slope (t - time) through samples, with `time` in s, `level` in V, `slope`
+    in V/s, and `scatter`, the rms deviation of the samples from the line, V."""
 
     time: float
     level: float

@@ -85,8 +85,8 @@ class PositionUnderDrive(NamedTuple):
 
 
 def driven(recording: xr.Dataset, drive: Waveform | None, where: str) -> Array:
-    """Return the drive at the samples of a recording, V, shape (n,), from the waveform or, without one, from
-    the channel drive_voltage."""
+    """Return the drive at the samples of a recording, V, shape (n,), from the waveform `drive` or, if that is
+    None, from the channel drive_voltage; `where` names the recording in errors."""
     if drive is None:
         return channel(recording, "drive_voltage", where)
     return value_at(drive, recording["time"].values)
@@ -225,7 +225,7 @@ def refuse_inverted(
 
 
 def refuse_against(one: PositionUnderDrive) -> None:
-    """Raise RecordingError if the position of a piezo falls where its voltage rises."""
+    """Raise RecordingError if the correlation of a piezo's position with its voltage is negative."""
     if _correlation(one) < 0.0:
         raise RecordingError(said_inverted(one.label, one))
 
@@ -380,7 +380,8 @@ def said_far(starts: Mapping[str, float], values: Mapping[str, float]) -> tuple[
 
 
 def _span(values: Array) -> float:
-    """Return the range of values without one hundredth of the samples at each end, which may be spikes."""
+    """Return the range of values, in their unit, without the largest and the smallest hundredth of the
+    samples, which may be spikes."""
     low, high = np.percentile(values, [1.0, 99.0])
     return float(high - low)
 

@@ -58,8 +58,8 @@ class Look(NamedTuple):
 
     @property
     def period(self) -> float:
-        """Return the period of the vibration, s; for a strongly damped response, that of a vibration that is
-        just visible."""
+        """Return the period of the vibration, s. A damping ratio above `LARGEST_RINGING` counts as this one,
+        because a more strongly damped response has no visible period."""
         zeta = min(self.damping_ratio, LARGEST_RINGING)
         return 2.0 * math.pi / (self.natural_frequency * math.sqrt(1.0 - zeta**2))
 
@@ -108,7 +108,8 @@ def first_look(test: StepTest, response: Response = plain) -> Look:
 
 
 def common_look(tests: Sequence[StepTest], looks: Sequence[Look]) -> int:
-    """Return the index of the recording whose second-order response fits all recordings of a stage best.
+    """Return the index of the recording whose second-order response fits all recordings of a stage best, each
+    scaled to its own rise.
 
     Args:
         tests: recorded steps.
@@ -160,11 +161,12 @@ def _crossing(test: StepTest) -> tuple[float, float, tuple[float, float]]:
 
 
 def _rings(test: StepTest, half: float, rise: float, angular: float) -> list[float]:
-    """Return angular frequencies [rad/s] of the highest spectral peaks of the response after the rise.
+    """Return angular frequencies [rad/s] of at most `PEAKS` spectral peaks of the response after the rise,
+    the highest first; empty without peaks.
 
     Args:
         test: recorded step.
-        half: time at which the rise is half, s.
+        half: time after the step at which half of the rise is reached, s.
         rise: height of the rise, m.
         angular: approximate angular frequency, rad/s; peaks far from it are ignored.
     """
@@ -188,8 +190,8 @@ def _thinned(test: StepTest, most: int) -> StepTest:
 
 
 def _aligned(look: Look, test: StepTest, half: float, response: Response) -> Look:
-    """Return the estimate with the delay at which its response is half risen when the recorded one is
-    (`half`, s)."""
+    """Return the estimate `look` with the delay at which its response reaches half of the rise at the same
+    time `half` [s] after the step as the recorded one."""
     slow = 2.0 / look.natural_frequency * (1.0 + 2.0 * look.damping_ratio)
     since = np.append(np.linspace(0.0, max(slow, 2.0 * half), 40), 1e3 / look.decay)
     share = np.abs(response(test._replace(time=since), look))
@@ -199,7 +201,7 @@ def _aligned(look: Look, test: StepTest, half: float, response: Response) -> Loo
 
 
 def _left(look: Look, test: StepTest, response: Response) -> Array:
-    """Return the recorded position minus the response with the best gain, m, shape (n,)."""
+    """Return the recorded position minus the response for `look` with the best gain, m, shape (n,)."""
     shape = response(test, look)
     power = float(shape @ shape)
     return test.position - (float(shape @ test.position) / power if power > 0.0 else 0.0) * shape

@@ -175,7 +175,7 @@ def _screen(recordings: Sequence[xr.Dataset], observed: str) -> None:
 
 def _with_exchanged(problem: Problem, fit: Fit) -> Fit:
     """Return the step fit with intervals that include equivalent solutions: of three real poles, any one may
-    be the lag's, and the other two those of an overdamped stage."""
+    be the lag's, and the other two those of an overdamped stage. Unchanged for damping ratios up to 1."""
     free, limits = {p.name for p in fit.parameters}, {p.name: (p.lower, p.upper) for p in fit.parameters}
     zeta, omega, delay = (fit.values[name] for name in ("damping_ratio", "natural_frequency", "delay"))
     lag = fit.values.get("lag", 0.0)
@@ -202,14 +202,15 @@ def step_level(values: Values, number: int, since: Array) -> Array:
 
 
 def _straightened(test: StepTest) -> StepTest:
-    """Return the recording without a linear drift of the sensor, if the samples before the step show one."""
+    """Return the recording without a linear drift of the sensor, if the samples before the step show a drift;
+    otherwise unchanged."""
     rest = test.time < 0.0
     drift = drift_seen(test.time[rest], test.position[rest], SEEN)
     return test._replace(position=test.position - drift.at(test.time)) if drift else test
 
 
 def _said_drifts(fit: Fit, unit: str) -> list[str]:
-    """Return a sentence on each recording with a significant drift."""
+    """Return a sentence on each recording whose drift exceeds `SEEN` standard errors."""
     said, errors = [], fit.standard_errors
     for i, one in enumerate(fit.recordings, start=1):
         slope, error = fit.values[f"drift_{i}"], errors[f"drift_{i}"]
@@ -275,7 +276,8 @@ def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
 
 
 def _seen(response: Callable[[StepTest, Values], Array]) -> Response:
-    """Return a response function of parameter values as a function of a `Look`, with a gain of 1."""
+    """Return a function as `Response`: of a recorded step and a `Look`, with a gain of 1, from a function of
+    the step and parameter values by name."""
     return lambda test, look: response(test, {**look._asdict(), "gain": 1.0})
 
 
@@ -356,7 +358,7 @@ def step_formula_errors(
         a result; NaN without any.
     """
     tests = step_tests(recordings, voltages, start, observed=fit.observed)
-    assert fit.predict is not None  # identify_step always provides it
+    assert fit.predict is not None
     clean = [fit.predict(r) for r in recordings_of(recordings)]
     timings = [timing] * len(tests) if timing else []
     if not timings:

@@ -52,8 +52,9 @@ SETTLED = 7.0
 
 
 def timing_of(test: StepTest, look: Look) -> Timing:
-    """Return the times of the classical numbers: the peak is searched within one period, and the level is the
-    mean over one period after the response has settled."""
+    """Return the times of the classical numbers for a second-order response `look`: the peak is searched
+    within one period, and the steady value is the mean over one period after the response has settled. In a
+    short recording both times are shorter."""
     lasts = float(test.time[-1]) - look.delay
     over = min(look.period, 0.5 * lasts)
     after = min(SETTLED / look.decay, (1.0 - 1e-6) * (lasts - over))

@@ -16,7 +16,8 @@ APART = 1e-5
 
 
 def second_order_poles(damping_ratio: float, natural_frequency: float) -> list[complex]:
-    """Return the two poles of a second-order system, rad/s."""
+    """Return the two poles of a second-order system, rad/s: a conjugate pair for a damping ratio below 1,
+    otherwise real (as complex numbers). `natural_frequency` is in rad/s."""
     root = cmath.sqrt(damping_ratio**2 - 1.0)
     return [natural_frequency * (-damping_ratio + root), natural_frequency * (-damping_ratio - root)]
 
@@ -81,8 +82,8 @@ def one_of_pairs(
 
 
 def _sum(t: NDArray[np.float64], c: NDArray, p: NDArray, integrals: int) -> NDArray[np.float64]:
-    """Return the unit step response 1 + sum of c exp(p t) at times t [s], or its integral over time if
-    `integrals` is 1; 0 before the step."""
+    """Return the real part of the unit step response 1 + sum of c exp(p t) at times t [s], or its integral
+    over time [s] if `integrals` is 1; 0 before the step."""
     later = t > 0.0
     decay = np.exp(np.outer(p, t[later]))
     found = np.zeros(t.size)

@@ -173,8 +173,9 @@ class _Density:
         self.precision, self.unbend = np.linalg.inv(of.of_stage()), np.linalg.inv(of.bend)
 
     def __call__(self, points: Array) -> tuple[Array, Array]:
-        """Return the log densities [points] at search points [points, searched coordinates], -inf out of
-        bounds, and all coordinates q [points, parameters], with a random draw of delay and offset."""
+        """Return the log densities, up to a constant, shape (points,), at search points of shape (points,
+        searched coordinates): -inf out of bounds or without a simulation. Also return all coordinates q,
+        shape (points, parameters), with a random draw of delay and offset."""
         of, bends, own = self.of, self.of.power != 0, len(self.of.fit.parameters)
         at, log = np.tile(of.centre, (len(points), 1)), np.full(len(points), -np.inf)
         there = np.all(points[:, bends] > 0.0, axis=1)

@@ -104,8 +104,8 @@ class Conditions:
     _repr_html_ = preformatted
 
     def report(self) -> str:
-        """Return a text table of estimates and 95 % intervals, one line for each condition, and the
-        statement."""
+        """Return a text table of estimates and 95 % intervals, one line for each condition, one line of the
+        probabilities in `moving`, and the statement."""
         names = [p.name for p in self.together.shown]
         lines = ["  ".join([f"{self.by:>14}", *(f"{name:>32}" for name in names)])]
         for value, fit in zip(self.at, self.fits, strict=True):

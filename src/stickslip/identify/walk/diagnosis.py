@@ -43,8 +43,8 @@ from .walks import DIFFERENCE_STEP, Walks, own_values
 FEWEST_FITTED = 4
 # CPU time of a diagnosis after which no further term is fitted, s.
 SECONDS = 20.0
-# Share of the sum of squares of correlated residuals: a term that explains more is reported as missing even
-# if the noise is unknown.
+# Share of the sum of squares of correlated residuals that a term must explain to be reported as missing if
+# the noise is unknown.
 MOST = 0.5
 # Largest rms residual, relative to the tolerance of the simulation, that may come from simulation errors
 # alone; correlated residuals below it are not diagnosed.
@@ -221,7 +221,8 @@ def _from_afar(fit: Fit, terms: Sequence[Scored]) -> list[Scored]:
 
 
 def scored(fit: Fit, walks: Walks) -> list[Scored]:
-    """Return the terms that the model may lack, by decreasing expected reduction of chi-squared.
+    """Return the terms that the model may lack, each with its most promising variant, by decreasing expected
+    reduction of chi-squared.
 
     Without a lack of fit, only terms that reduce chi-squared by more than chance are included. With a lack of
     fit all are, because the fit may be in a wrong minimum. The list is empty if the test cannot be simulated.
@@ -365,8 +366,8 @@ def _lower(fit: Fit, other: Fit) -> float:
 
 
 def _unit(fit: Fit) -> str:
-    """Return the unit of the residuals in the advice; "" if they are ratios to the noise (with a lack of
-    fit)."""
+    """Return the unit of the residuals in the advice, as `_left` gives them: "" with a lack of fit (they are
+    then ratios to the noise), else the unit of the positions."""
     return "" if lacking(fit) else fit.recordings[0].unit
 
 

@@ -46,7 +46,7 @@ class Displacement:
         drive: waveform in the time of the recording; None: the recorded drive voltage.
         name: name of the recording for messages.
         model: actuator with initial values, for which the drive is checked.
-        tolerance: error tolerance of the position, m.
+        tolerance: error tolerance of the position, m (rad).
         slew_rate: rate at which the amplifier follows jumps of a recorded drive, V/s; None: at once.
     """
 

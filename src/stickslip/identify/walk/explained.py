@@ -57,8 +57,8 @@ class Explained(NamedTuple):
 
     @property
     def lacks_beside_faults(self) -> tuple[Lack, ...]:
-        """Return the same tests after the effect of instrument faults (such as jumps) is removed from the
-        residuals."""
+        """Return the tests of `lacks` after the effect of instrument faults (such as jumps of the sensor) is
+        removed from the residuals; the test of all walks is repeated only if it shows a lack of fit."""
         found = lack_beside_faults(self.free)
         if len(self.lacks) == len(found) or not self.lacks[-1].seen:
             return (*found, *self.lacks[len(found) :])
@@ -173,7 +173,7 @@ def diagnosed_together(
     All walks are needed: if one walk hardly shows the missing term, another term explains that walk as well.
 
     Args:
-        found: the fits to all walks.
+        found: the fits to all walks, from `explained`.
         walks, drives, free: arguments with which `found` was made; see `explained`.
         options: further arguments of `identify_friction`.
     """

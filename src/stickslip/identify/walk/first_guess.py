@@ -35,8 +35,8 @@ from ..recorded.drives import periodic_part
 from .position_channel import CHANNEL
 
 NAMES = ("coulomb_force", "sigma_0", "sigma_1")
-# Ranges of initial guesses: Coulomb force relative to m A omega_n^2, deflection before sliding relative to
-# the stroke A; and the damping ratio of the contact.
+# Initial guesses: range of the Coulomb force relative to m A omega_n^2 (FORCE), range of the deflection
+# before sliding relative to the stroke A (DEFLECTION), and damping ratio of the contact (DAMPING).
 FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
 # Number of drive periods that are used for initial guesses. If they have at most FEWEST samples, the whole
 # recording is used.
@@ -44,12 +44,12 @@ PERIODS, FEWEST = 3, 30
 # Ratio of a value to its default bound (or the inverse ratio) below which the bound is near and is moved
 # outwards.
 NEAR = 3.0
-# Number of points that are simulated, number of the best that are refined by a short search, and largest
-# number of evaluations of such a search.
+# TRIED: number of points that are simulated. LOOKED_AT: number of the best of them that are refined by a
+# short search. LOOK: largest number of evaluations of such a search.
 TRIED, LOOKED_AT, LOOK = 64, 20, 6
 LOOKED_AT_THERE = 2  # number of refined points in each part of the range, if the range is divided
-# Largest number of initial guesses if the range is not divided, and the factor by which a value of two
-# guesses must differ.
+# BEGINS: largest number of initial guesses if the range is not divided. APART: factor by which at least one
+# value of two guesses must differ.
 BEGINS, APART = 6, 1.25
 
 Array = NDArray[np.float64]
@@ -59,9 +59,9 @@ def plausible(model: Actuator, stroke: float) -> Callable[[Array], dict[str, Arr
     """Return a function that maps points of the unit square, shape (n, 2), to plausible values of the
     friction law.
 
-    The two coordinates are the logarithms of Coulomb force and deflection within their ranges; the stiffness
-    is the ratio of force to deflection. The function returns arrays [n] in SI by name; parameters that the
-    law lacks are left out.
+    The two coordinates are the logarithms of Coulomb force and deflection, from 0 to 1 over `FORCE` and
+    `DEFLECTION`; the stiffness is the ratio of force to deflection. The function returns a dictionary of
+    "coulomb_force", "sigma_0" and "sigma_1" as arrays [n], SI; parameters that the law lacks are left out.
 
     Args:
         model: the actuator, for its law, mass and natural frequency.

@@ -278,8 +278,8 @@ def _parameters(
 
 
 def _check(model: Actuator, free: Sequence[str], bounds: Bounds, priors: Bounds, noise: float | None) -> None:
-    """Raise QuantityError unless the model has all free parameters, all bounds and priors belong to them, and
-    the noise is given if there are priors."""
+    """Raise QuantityError unless the model (or the channel) has all free parameters, all bounds and priors
+    belong to them, and the noise is given if there are priors."""
     own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
     check_priors(priors, free, noise, "[m], the position's deviation")
     check_names(free, [*free_names(model), *CHANNEL], own)
@@ -339,8 +339,8 @@ def _searched(
 def _near(
     walks: Walks, parameters: Sequence[Parameter], fit: Fit, bounds: Bounds, max_evaluations: int
 ) -> Fit:
-    """Return the best fit of `parameters` by searches from the user's initial values and from the minima of
-    `fit`, a fit with more parameters."""
+    """Return the best fit of `parameters` by searches from their initial values and from the minima of `fit`,
+    a fit with more parameters. `bounds` are the user's bounds by name, which stay."""
     given = {p.name: p.start for p in parameters}
     own = [p.starting_at(given[p.name])._replace(power=0) for p in fit.parameters if p.name in given]
     there = [fit.values, *(m.values for m in fit.minima)]

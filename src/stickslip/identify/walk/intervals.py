@@ -25,7 +25,7 @@ from .prediction import Predictor
 
 # Largest number of fits with a fixed value on each side of the estimate.
 MOST_STEPS = 10
-# Relative accuracy with which the profile meets its threshold at the end of an interval.
+# Largest relative difference between the profile's distance and its threshold at the end of an interval.
 NEAR = 0.03
 
 
@@ -230,8 +230,8 @@ def bootstrap(
 
 
 def _drawn(p: Parameter, value: float, random: np.random.Generator) -> Parameter:
-    """Return the parameter with the centre of its prior drawn at random about `value`, within its limits;
-    unchanged without a prior."""
+    """Return the parameter with the centre of its prior drawn at random about `value` (SI), with the prior's
+    standard deviation and within the parameter's limits; unchanged without a prior."""
     if p.prior is None:
         return p
     spread = p.expected[1]

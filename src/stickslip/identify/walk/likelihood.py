@@ -25,8 +25,8 @@ from ...waveform.drive import Drive
 from .displacement import MAX_STEPS, Displacement
 from .position_channel import CHANNEL
 
-# Number of delays at which residuals are computed (nodes), range of delays in standard errors on either side
-# of the estimate, and number of grid points in this range for the integral over the delay.
+# NODES: number of delays at which residuals are computed. REACH: range of delays on either side of the
+# estimate, in standard errors. GRID: number of grid points in this range for the integral over the delay.
 NODES, REACH, GRID = 7, 6.0, 301
 # Largest number of simulated positions (members times samples) in memory at once.
 LARGEST = 4_000_000

@@ -97,8 +97,9 @@ def freed_near(
     taken: Collection[str],
     first: Values,
 ) -> tuple[Fit, list[str]]:
-    """Fit like `freed`, for an initial guess near the minimum: delay and offset start fixed, except an offset
-    at rest, and are freed if the recordings require them.
+    """Fit like `freed`, for an initial guess near the minimum: delay and offset are fixed at first, except an
+    offset that the samples at rest show, and are freed if the recordings require them. The arguments are
+    those of `freed`.
 
     Returns:
         The fit, and the names of the channel parameters that were freed.

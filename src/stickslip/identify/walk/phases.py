@@ -44,8 +44,8 @@ STIFFNESS = ("N/m", ANGLE.unit("N/m"))
 
 
 def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -> float:
-    """Return the number of vibration cycles of the contact in the median interval between jumps of the drive;
-    0 if the vibration decays before the next jump or there are no two jumps.
+    """Return the number of vibration cycles of the contact, not necessarily whole, in the median interval
+    between jumps of the drive; 0 if the vibration decays before the next jump, or without two jumps.
 
     Args:
         model: the actuator, for its mass and damping.

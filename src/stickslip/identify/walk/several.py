@@ -85,7 +85,7 @@ def likely(look: Fit, fit: Fit) -> bool:
 
 
 def _reaching(parameters: Sequence[Parameter], fit: Fit) -> list[Parameter]:
-    """Return the parameters with bounds that also include the values of a fit, the end of another search."""
+    """Return the parameters with bounds widened to include the values of `fit`, the end of another search."""
     return [
         p._replace(lower=min(p.lower, fit.values[p.name]), upper=max(p.upper, fit.values[p.name]))
         for p in parameters

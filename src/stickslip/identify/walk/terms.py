@@ -33,7 +33,8 @@ STAGE = "a stage with other values than the given ones"
 STRIBECK_VELOCITIES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 # Numbers of waves of a ripple over the walked range that are tried: multiples of WAVES_STEP up to MOST_WAVES.
 WAVES_STEP, MOST_WAVES = 0.5, 8.0
-# Bound of the viscous friction force at the fastest motion, relative to the Coulomb force of the contact.
+# Upper bound of the viscous friction force at the fastest motion, relative to the Coulomb force of the
+# contact.
 MOST_VISCOUS = 30.0
 # Largest change of the normal force, relative to the normal force: over the walked range, by a ripple, or
 # between the two directions.

@@ -111,8 +111,8 @@ class Walks:
 
     @property
     def budget(self) -> EvaluationBudget:
-        """Return the budget of CPU time and evaluations that all searches for these recordings share, also
-        those with other models."""
+        """Return the computing budget that all searches for these recordings share, also searches with other
+        models."""
         assert self.spent is not None
         return self.spent
 
@@ -122,7 +122,8 @@ class Walks:
         return self.completed(self.searched(parameters, **options))
 
     def beside(self, parameters: Sequence[Parameter]) -> list[Parameter]:
-        """Return the fixed and tied parameters that a fit needs besides `parameters`."""
+        """Return the fixed and tied parameters that a fit of `parameters` needs, except those in
+        `parameters`."""
         names = {p.name for p in parameters}
         return [p for p in self.ties.beside if p.name not in names]
 
