@@ -340,7 +340,7 @@ def verify(
     *,
     drive: Any | Sequence[Any] | None = None,
 ) -> Verification:
-    """Compare recordings with the predictions of a fitted model, without fitting again.
+    """Compare recordings with the predictions of a fitted model, without a new fit; return the comparison.
 
     Args:
         fit: result of an identification that builds a model, or a `Predictor`.

@@ -311,8 +311,9 @@ class _Levels:
         return [Design(matrix, tangent)] * (self.outputs.size * self.inputs.size)
 
     def _split(self, values: Values) -> tuple[Array, Array, float]:
-        """Return poles and delay at the reference amplitude, their slopes (0 for the delay), and the exponent
-        of the amplitude law, from the values by name."""
+        """Return three parts of the values by name: the array of natural frequency [rad/s] and damping ratio
+        of each mode and the delay [s] at the reference amplitude; the array of their slopes (0 for the
+        delay); and the exponent of the amplitude law."""
         given = np.array([values[name] for name in self.names])
         n = 2 * self.n_modes + 1
         return given[:n], np.append(given[n:-1], 0.0), float(given[-1])

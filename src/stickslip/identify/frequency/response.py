@@ -2,8 +2,8 @@ r"""Frequency responses of linear systems from recordings of drive and response.
 
 The measured response is the best linear approximation plus a residual. For periodic drives, noise shows as
 differences between periods, and noise together with nonlinear distortion as differences between realisations
-[pintelon2012, ch. 4]. With a piezo the second is often twenty times the first, and is then the true
-uncertainty of the response. The response also contains the instruments: see `instruments`.
+[pintelon2012, ch. 4]. With a piezo, the differences between realisations are often twenty times as large and
+are then the true uncertainty of the response. The response also contains the instruments: see `instruments`.
 """
 
 from __future__ import annotations

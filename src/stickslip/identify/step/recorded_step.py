@@ -50,8 +50,8 @@ def step_tests(
 
     Args:
         recordings: one or several recordings of one step each.
-        voltages: height of each step, V.
-        start: instant of all steps in the time of the recordings, s.
+        voltages: height of each step, V; None: from drive_voltage.
+        start: instant of all steps in the time of the recordings, s; None: from drive_voltage.
         observed: name of the position channel.
 
     Raises:

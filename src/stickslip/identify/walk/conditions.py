@@ -130,7 +130,8 @@ def identify_conditions(
     """Fit the walks of each condition separately, and all walks together, and test whether the values depend
     on the condition.
 
-    The separate fits start at the values of the common fit and have the same free parameters.
+    The separate fits start at the values of the common fit and have the same free parameters; the result
+    contains all fits and tests.
 
     Args:
         recordings: each with an attribute `by` (a number in SI or a text with a unit), or with a variable of

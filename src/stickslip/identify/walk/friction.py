@@ -100,7 +100,8 @@ def identify_friction(
 
     Args:
         recordings: with end_effector_position [m]; or [rad], for a rotary actuator: then forces in the model
-            are torques [N m], and masses are moments of inertia [kg m^2].
+            are torques [N m], and masses are moments of inertia [kg m^2]. Also with drive_voltage [V] unless
+            `drive` is given.
         model: the actuator; its values are one of several initial guesses (see `first_guess`), and the fit
             describes the recordings no worse than they do.
         free: parameters to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
@@ -113,31 +114,34 @@ def identify_friction(
         drive: waveform of each recording (or one for all), in the time of the recording. By default, or None:
             the one that the recording names or its channel drive_voltage shows (see `taken_drive`), else that
             channel, with its jumps as far as the samples show them (see `recorded_drive`).
-        slew_rate: V/s at which the amplifier follows the jumps of drive_voltage: the current limit into the
-            piezo. By default jumps are instantaneous; a fit then mistakes a slower jump for more friction.
+        slew_rate: rate at which the amplifier follows the jumps of drive_voltage, V/s, as its current limit
+            into the piezo sets it. By default jumps are instantaneous; a fit then mistakes a slower jump for
+            more friction.
         stage: fit of `identify_step` for the model's stage: its uncertainty is added to the result.
-        bounds: bounds of free parameters, in SI or as strings; others are searched within a factor 30 of
-            the initial guess first, and then as far as the law allows: no interval ends at a default bound.
+        bounds: lower and upper bound of free parameters by name, in SI or as strings; others are searched
+            within a factor 30 of the initial guess first, and then as far as the law allows: no interval ends
+            at a default bound.
             The scale is logarithmic, but linear towards zero, and where bounds reach down to zero.
         priors: independent knowledge of free parameters: value and standard deviation of each, in SI or as
             strings. They need a given noise.
         tied: parameters that follow from others, which may be free, tied or neither: the expression of each
             by name, such as ``{"sigma_1": "0.2 * sqrt(sigma_0 * end_effector_mass)"}``; see `estimate.tied`.
-        channel: "delay" and "offset" of the position channel, if free. By default those that the
-            recordings show: an offset at rest, or what lowers the sum of squares by more than noise does;
-            `remarks` of the fit say so. None of them: ().
-        begin: initial guess of "delay" and "offset"; by default the delay of the stage, or 0.
-        noise: standard deviation of the position, m; by default estimated from the residuals. Or a
+        channel: names of the free parameters of the position channel, "delay" and "offset"; () for neither.
+            By default those that the recordings show: an offset at rest, or a parameter that lowers the sum
+            of squares by more than noise does; `remarks` of the fit name them.
+        begin: initial values of "delay" and "offset" by name, SI; by default the delay of the fit `stage`,
+            or 0.
+        noise: standard deviation of the position, m (rad); by default estimated from the residuals. Or a
             recording of the channel at rest: then only its drift is used, which a short walk does not show;
-            it widens the uncertainty.
+            the drift widens the uncertainty.
         starts: number of initial guesses; those after the first fill the bounds.
         hops: see `fit_least_squares`. With 0 the search uses only the given initial values and looks for no
             other local minimum; the reaction on the stage is then not tested.
         seed: seed of the further initial guesses.
-        tolerance: m, of the simulation; by default 1e-10 for a law of one internal state, whose derivatives
-            are those of `sensitivities`. For other laws the derivatives are differences over 0.05 % of a
-            parameter, so the tolerance must be far below their effect (for a weakly determined parameter some
-            pm in steps of micrometres): 1e-12.
+        tolerance: error tolerance of the simulated position, m (rad); by default 1e-10 for a law of one
+            internal state, whose derivatives are those of `sensitivities`. For other laws the derivatives are
+            differences over 0.05 % of a parameter. The tolerance must be far below their effect (for a weakly
+            determined parameter some pm in steps of micrometres), so the default is 1e-12.
         correlated: True: the uncertainty allows for any residuals correlated in time. By default, if the
             noise is not given, it allows for noise that is correlated over some samples and for a random walk
             (a sensor's drift), as far as the residuals show them (see `coloured`).
@@ -161,7 +165,8 @@ def identify_friction(
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled;
             the position is noise, of the wrong sign or size, or swapped with the drive; or numbers do not
             match.
-        QuantityError: a name that cannot be free, bounds that do not fit, a drive out of range.
+        QuantityError: a name that cannot be free, bounds that do not fit, priors without a noise, a drive out
+            of range.
         FitError: see `fit_least_squares`.
 
     Warns:

@@ -170,7 +170,8 @@ def eliminated(
     known: Mapping[str, Parameter],
     random: np.random.Generator,
 ) -> Eliminated:
-    """Integrate the likelihood over delay and offset, as far as they are free, and draw values of both.
+    """Integrate the likelihood over delay and offset, as far as they are free, and draw values of both;
+    return the integrals and the draws for each member.
 
     Args:
         members: the simulated walks.

@@ -227,8 +227,8 @@ class Walks:
         )
 
     def completed(self, fit: Fit) -> Fit:
-        """Return the fit with the uncertainty from correlated noise, as far as the residuals show it, and
-        from the values of the stage."""
+        """Return the fit with the uncertainty from correlated noise added, as far as the residuals show it,
+        and that from the values of the stage that the fit took as known."""
         return self._with_stage(self._with_noise(fit))
 
     def _with_noise(self, fit: Fit) -> Fit:
