@@ -1,4 +1,4 @@
-/* Sizes known at run time: any plant that has room. See `elements.inl`. */
+/* Macros for sizes that are known at run time: for any plant within the room of the arrays. See `elements.inl`. */
 #define ROOM_MODES LARGEST_MODES
 #define ROOM_ELEMENTS LARGEST_ELEMENTS
 #define ROOM_STATES LARGEST_STATES

@@ -1,4 +1,5 @@
-/* Arrival at a target, judged by the mean of the readings and its uncertainty. The equations: stickslip.control.arrival. */
+/* Test of arrival at a target by the mean of the position readings and its uncertainty. Equations:
+ * stickslip.control.arrival. For a rotary actuator m is rad. */
 #ifndef STICKSLIP_ARRIVAL_H
 #define STICKSLIP_ARRIVAL_H
 
@@ -6,27 +7,33 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define ARRIVAL_BATCHES 8 /* B, of updates: few enough for a short dwell, and Student's t is near its limit */
-#define ARRIVAL_STUDENT 2.3646 /* t: 97.5 % quantile of Student's t with ARRIVAL_BATCHES - 1 degrees of freedom */
-#define ARRIVAL_SPREAD 2.0 /* z: standard deviations of the moving position that must be within the tolerance */
-#define ARRIVAL_NOISY (1.0 / 3.0) /* share of the tolerance above which the sensor's noise is reported */
+/* B, number of batches of readings: few, for a short test, but enough that Student's t is near its limit. */
+#define ARRIVAL_BATCHES 8
+/* t: 97.5 % quantile of Student's t with ARRIVAL_BATCHES - 1 degrees of freedom. */
+#define ARRIVAL_STUDENT 2.3646
+/* z: number of standard deviations of the moving position that must lie within the tolerance. */
+#define ARRIVAL_SPREAD 2.0
+/* Fraction of the tolerance above which the standard deviation of the sensor's noise is reported. */
+#define ARRIVAL_NOISY (1.0 / 3.0)
 
 typedef struct {
-    double gain;                   /* m/V, of the piezo */
-    double tolerance;              /* m */
-    int64_t batch;                    /* updates of a batch */
+    double gain;                   /* displacement per voltage of the piezo, m/V */
+    double tolerance;              /* largest distance from the target, m */
+    int64_t batch;                    /* number of updates of a batch */
 } arrival_plan;
 
 typedef struct {
-    double rows[ARRIVAL_BATCHES][5]; /* sums over each batch of e, p, e^2, p^2 and (e - previous e)^2 */
+    double rows[ARRIVAL_BATCHES][5]; /* sums over each batch of e, p, e^2, p^2 and (e - previous e)^2; e: reading minus
+                                      * target, p: displacement by the piezo since the first reading, m */
     int64_t batch, ticks, batches;
-    bool judging;                  /* whether a reading was taken since the motion began */
+    bool judging;                  /* true after the first reading since the motion started */
     double start, last;
-    double offset;                 /* m: mean of the readings from the target; NAN at first */
-    double doubt2, noise2;         /* m^2: squares of how far the position may be off that, and of the noise */
+    double offset;                 /* mean of the readings minus the target, m; NAN at first */
+    double doubt2, noise2;         /* squares, m^2: of the uncertainty of the position about this mean, and of the
+                                    * noise's standard deviation */
 } arrival;
 
-/* Forget the readings, but not what they said: the motion begins again. */
+/* Forget the readings, because a new motion starts; the last results stay. */
 static inline void arrival_forget(arrival *a)
 {
     const arrival fresh = {.offset = a->offset, .doubt2 = a->doubt2, .noise2 = a->noise2};
@@ -39,7 +46,7 @@ MOVER_API void arrival_begin(arrival *a)
     arrival_forget(a);
 }
 
-/* Whether the position is at the target, by all batches. */
+/* Compute mean, noise and uncertainty from all batches. Return true if the position is within the tolerance. */
 static inline bool arrival_judged(arrival *a, const arrival_plan *plan)
 {
     const double size = (double)plan->batch, count = (double)(ARRIVAL_BATCHES * plan->batch);
@@ -65,7 +72,8 @@ static inline bool arrival_judged(arrival *a, const arrival_plan *plan)
     return left >= 0.0 && a->doubt2 <= left * left;
 }
 
-/* Take a reading [m] under a voltage [V]; whether a batch has ended with the position at the goal. */
+/* Take a position reading [m] at a drive voltage [V]. Return true if a batch has just ended, and all batches show the
+ * position to be at the goal [m]. */
 MOVER_API bool arrival_sees(arrival *a, const arrival_plan *plan, double measured, double goal, double volts)
 {
     const double off = measured - goal;

@@ -1,24 +1,26 @@
-/* The voltage at a capacitance behind a lag with a limited current. Between two breaks the target is a line, and the output
- * is a line, at the limit, or a line and an exponential; the equations of both are in `charging_laws.h`. */
+/* Voltage at a capacitance behind a first-order lag with a limited current. Between two breaks the target is a line.
+ * The output is then a line (at the current limit), or a line plus an exponential. The equations of both are in
+ * `charging_laws.h`. */
 #include "charging.h"
 
 #include "charging_laws.h"
 
 #define CHARGE_ROUNDING R(1e-15)
 
-/* Points of the output: the last one is at n - 1. */
+/* Points of the output voltage: `n` points are set in arrays of `room` entries. */
 struct points {
     int64_t n, room;
     real_t *times, *volts;
 };
 
-/* Output, mean square of the current, and whether the steady current limits. */
+/* State of the output: voltage u [V], mean square of the current [A^2], true while the limit of the steady current
+ * applies. */
 struct charge {
     real_t u, square;
     bool folded;
 };
 
-/* Sets the point at t, or the last one again if time has not moved on. False if there is no room. */
+/* Set the point at t, or replace the last point if its time is not earlier. Return false if there is no room. */
 static bool put_point(struct points *points, real_t t, real_t volts)
 {
     if (t > points->times[points->n - 1]) {
@@ -30,8 +32,8 @@ static bool put_point(struct points *points, real_t t, real_t volts)
     return true;
 }
 
-/* Points of a lagged piece of d seconds from t, before its end: with w = exp(-t/2 tau), steps dw leave the error
- * bend dw^2 / 2, and bend dw^2 at the end. False if there is no room. */
+/* Set points within a lagged piece of d seconds from t on, without its end. With w = exp(-t/2 tau), steps of dw leave
+ * an interpolation error of bend dw^2 / 2, and of bend dw^2 at the end. Return false if there is no room. */
 static bool put_curve(const ss_ChargingLimits *of, real_t t, real_t d, real_t target, real_t s, real_t bend, real_t w,
                       real_t tolerance, struct points *points)
 {
@@ -45,7 +47,7 @@ static bool put_curve(const ss_ChargingLimits *of, real_t t, real_t d, real_t ta
     return true;
 }
 
-/* Follows the target from `value` with the slope s, from t to `end`. False if there is no room. */
+/* Follow a target that starts at `value` with the slope s, from t to `end`. Return false if there is no room. */
 static bool follow_line(const ss_ChargingLimits *of, real_t t, real_t end, real_t value, real_t s, real_t least,
                         real_t tolerance, struct charge *now, struct points *points)
 {
@@ -86,7 +88,7 @@ STICKSLIP_API int64_t stickslip_charge(const real_t *limits, int64_t pieces, con
     const ss_ChargingLimits of = {limits[0], limits[1], limits[2], limits[3], limits[4], limits[5]};
     struct points points = {1, room, times, volts};
     struct charge now = {state[0], state[1], state[2] > R(0.0)};
-    real_t least = CHARGE_ROUNDING * bounds[pieces]; /* s: time goes on */
+    real_t least = CHARGE_ROUNDING * bounds[pieces]; /* shortest piece, s, so that time always advances */
     times[0] = bounds[0];
     volts[0] = now.u;
     for (int64_t k = 0; k < pieces; k++)

@@ -1,10 +1,10 @@
-/* What follows of a plant from its modes and elements. */
+/* Values of a plant that follow from its modes and elements. */
 #ifndef STICKSLIP_COMPOSE_H
 #define STICKSLIP_COMPOSE_H
 
 #include "engine.h"
 
-/* The last mode that has its bit set in both; -1 if there is none. */
+/* Return the last mode whose bit is set in both masks; -1 if there is none. */
 static inline int32_t last_mode(int32_t modes, uint32_t felt, uint32_t pushed)
 {
     for (int32_t m = modes - 1; m >= 0; m--)
@@ -13,7 +13,7 @@ static inline int32_t last_mode(int32_t modes, uint32_t felt, uint32_t pushed)
     return -1;
 }
 
-/* What an element adds to the plant. */
+/* Set the places of an element in the plant, and update the plant's sums and flags. */
 static inline void compose_element(struct plant *P, struct element *E)
 {
     bool rare = E->law->smooth || E->law->choose != NULL || E->law->tick != NULL;
@@ -30,7 +30,7 @@ static inline void compose_element(struct plant *P, struct element *E)
     P->plain &= !rare && !shares && !E->loaded && E->along == NULL && E->states == (E->law->breakaway == NULL);
 }
 
-/* Completes a plant whose modes and elements are filled in; see stickslip_compose. */
+/* Complete a plant whose modes and elements are filled in; see stickslip_compose. */
 static inline int compose(struct plant *P)
 {
     if (P->modes > LARGEST_MODES || P->elements > LARGEST_ELEMENTS)

@@ -1,13 +1,13 @@
-/* Creep: first-order lags on samples, and of the segments of a drive.
+/* Creep: first-order lags, for samples and for the segments of a drive.
  *
- * Each lag of each segment's polynomial is followed in closed form, x += z sum_j c_j L^j I_j(z) - ..., and drawn by cubics
- * (see `stickslip/simulation/plant/creeping.py`). The equations are in `piezo_laws.h`. */
+ * Each lag of each segment's polynomial is computed in closed form, x += z sum_j c_j L^j I_j(z) - ..., and approximated
+ * by cubics (see `stickslip/simulation/plant/creeping.py`). The equations are in `piezo_laws.h`. */
 #include "cubics.h"
 #include "piezo_laws.h"
 #include "ways.h"
 
-/* Largest error of a cubic through values and slopes of both ends, over the fourth derivative times the fourth power of
- * the length: Hermite's interpolation. */
+/* Error bound of a cubic through values and slopes at both ends, per fourth derivative and fourth power of the length
+ * (Hermite interpolation). */
 #define CREEP_HERMITE (R(1.0) / R(384.0))
 
 STICKSLIP_API void stickslip_lags_relaxed(const struct lags *of, int64_t count, const real_t *times, const real_t *values,
@@ -28,7 +28,7 @@ STICKSLIP_API void stickslip_lags_undone(const struct lags *of, int64_t count, c
     for (int64_t k = 0; k < count; k++) {
         real_t known = R(0.0), slope = R(1.0);
         for (int64_t i = 0; i < of->count; i++) {
-            if (k > 0) { /* without what comes of h here, and how much of that there is */
+            if (k > 0) { /* lags without the effect of the unknown h at this sample, and the effect per unit of h */
                 real_t step = times[k] - times[k - 1];
                 x[i] += ss_lag_change(of->tau[i], step, x[i], out[k - 1], R(0.0));
                 slope += of->share[i] * ss_lag_change(of->tau[i], step, R(0.0), R(0.0), R(1.0));
@@ -41,7 +41,8 @@ STICKSLIP_API void stickslip_lags_undone(const struct lags *of, int64_t count, c
     }
 }
 
-/* The settled response of a lag to the harmonics of segment i, `at` [s] after its start. */
+/* Return the steady-state response of a lag with the time constant `tau` to the harmonics of segment i, `at` [s] after
+ * the segment's start. */
 static real_t of_harmonics(const struct table *drive, int64_t i, real_t at, real_t tau)
 {
     real_t found = R(0.0);
@@ -53,7 +54,7 @@ static real_t of_harmonics(const struct table *drive, int64_t i, real_t at, real
     return found;
 }
 
-/* The polynomial of segment i, written from `tau` [s] after its start. */
+/* Compute the coefficients of segment i's polynomial for an origin `tau` [s] after the segment's start. */
 static void polynomial_from(const struct table *drive, int64_t i, real_t tau, real_t moved[4])
 {
     const real_t *c = drive->polynomial[i];
@@ -63,7 +64,8 @@ static void polynomial_from(const struct table *drive, int64_t i, real_t tau, re
     moved[3] = c[3];
 }
 
-/* Into how many parts, 1, 2, 4 and so on, the time `left` [s] is cut: the piece is the first. */
+/* Return the number of equal parts (1, 2, 4, ...) of the time `left` [s] for which a cubic over the first part is
+ * within the error `most` [V]. `c` is the polynomial of the drive, `x` the states of the lags. */
 static real_t parts_of(const struct lags *of, const real_t c[4], const real_t *x, real_t left, real_t most)
 {
     real_t fourth = R(0.0), parts = R(1.0);
@@ -79,7 +81,8 @@ static real_t parts_of(const struct lags *of, const real_t c[4], const real_t *x
     }
 }
 
-/* The shares of all lags over a piece whose polynomial is c; their states go on to its end. */
+/* Fill a piece with the sum of all lags, times their shares, for the drive's polynomial c; move the states x to its
+ * end. */
 static void creep_piece(const struct lags *of, const real_t c[4], real_t *x, struct cubic_piece *piece)
 {
     real_t length = piece->length, value = cubic_at(c, length);
@@ -96,7 +99,8 @@ static void creep_piece(const struct lags *of, const real_t c[4], real_t *x, str
     }
 }
 
-/* The pieces of segment i, from row `count` on, until the instant `stop`; the number of rows then, or -1. */
+/* Fill the pieces of segment i from row `count` on, up to the time `stop` [s]. Return the number of rows then, or -1 if
+ * there is no room. */
 static int64_t creep_segment(const struct lags *of, const struct table *drive, int64_t i, real_t stop, real_t *x,
                              real_t most, const struct cubics *cubics, int64_t count)
 {

@@ -1,18 +1,18 @@
-/* Cubics between known values and slopes. */
+/* Cubics through values and slopes at both ends. */
 #ifndef STICKSLIP_CUBICS_H
 #define STICKSLIP_CUBICS_H
 
 #include "piezo.h"
 
-/* A piece of the segment `source`, from the instant `at` on: from `value` with the slope `rise` to value + change with the
- * slope `fall`. */
+/* A piece of the segment `source` from the time `at` [s] on: from `value` with the slope `rise` to value + change with
+ * the slope `fall`. */
 struct cubic_piece {
     real_t at;
     int64_t source;
     real_t length, value, rise, change, fall;
 };
 
-/* Sets row k: the cubic, or a straight line if the length is 0. */
+/* Set row k to the cubic of a piece, or to a straight line if its length is 0. */
 static inline void put_cubic(const struct cubics *cubics, int64_t k, const struct cubic_piece *of)
 {
     real_t *c = cubics->cubic[k];

@@ -1,12 +1,15 @@
-/* Hysteresis dh/du = slope(u, h, up) (see `stickslip/physics/piezo/duhem.py`): on each way of a drive in closed form, or
- * integrated; of the segments of a drive, -h is drawn by cubics between values on its ways. */
+/* Hysteresis dh/du = slope(u, h, up), see `stickslip/physics/piezo/duhem.py`. On each monotone section ("way") of a
+ * drive it is computed in closed form or integrated. For the segments of a drive, -h is approximated by cubics. */
 #include "cubics.h"
 #include "duhem_laws.h"
 #include "ways.h"
 
-#define DUHEM_LEAST_SHARE R(9.094947017729282e-13) /* of a way, 2^-40: its steps become no shorter */
-#define DUHEM_MOST_STEPS 100000                    /* on a way, after which a slope has no solution */
-#define DUHEM_BISECTIONS 100                       /* to rounding */
+/* Shortest step of the integration, as a fraction of a way: 2^-40. */
+#define DUHEM_LEAST_SHARE R(9.094947017729282e-13)
+/* Largest number of steps on a way; if it is not enough, the result is NAN. */
+#define DUHEM_MOST_STEPS 100000
+/* Largest number of bisections, enough for the resolution of a double. */
+#define DUHEM_BISECTIONS 100
 
 static bool stopped(const struct duhem_model *of)
 {
@@ -18,7 +21,7 @@ static real_t slope_of(const struct duhem_model *of, real_t u, real_t h, real_t 
     return of->of->slope(of->parameters, u, h, up);
 }
 
-/* One step of Runge and Kutta's. */
+/* Return h after one step du of the classical Runge-Kutta method of order 4. */
 static real_t stepped(const struct duhem_model *of, real_t h, real_t u, real_t du)
 {
     real_t up = du > R(0.0) ? R(1.0) : R(-1.0);
@@ -29,10 +32,11 @@ static real_t stepped(const struct duhem_model *of, real_t h, real_t u, real_t d
     return h + du / R(6.0) * (first + R(2.0) * second + R(2.0) * third + fourth);
 }
 
-/* h after a way, its slope integrated in steps that are halved where it bends. */
+/* Return h after a way from u to the goal, by integration with steps that are halved where the slope changes quickly;
+ * NAN if this fails. */
 static real_t integrated(const struct duhem_model *of, real_t h, real_t u, real_t goal)
 {
-    real_t whole = goal - u, share = R(1.0), done = R(0.0); /* of the way */
+    real_t whole = goal - u, share = R(1.0), done = R(0.0); /* fractions of the way: next step, and finished part */
     for (int steps = 0; steps < DUHEM_MOST_STEPS && done < R(1.0); steps++) {
         share = r_min(share, R(1.0) - done);
         real_t at = u + done * whole, du = share * whole;
@@ -51,7 +55,7 @@ static real_t integrated(const struct duhem_model *of, real_t h, real_t u, real_
     return done >= R(1.0) ? h : R(NAN);
 }
 
-/* h after a way of the drive from u to the goal. */
+/* Return h after a way of the drive from u to the goal. */
 static real_t way_of(const struct duhem_model *of, real_t h, real_t u, real_t goal)
 {
     return of->of->way != NULL ? of->of->way(of->parameters, h, u, goal) : integrated(of, h, u, goal);
@@ -86,7 +90,7 @@ STICKSLIP_API void stickslip_duhem_inverse(const struct duhem_model *of, int64_t
     }
 }
 
-/* A way of segment i, in the direction `up`. */
+/* A way of segment i of a drive, in the direction `up` (1 or -1). */
 struct course {
     const struct duhem_model *of;
     const struct table *drive;
@@ -94,7 +98,7 @@ struct course {
     real_t up;
 };
 
-/* dh/dt at an instant. */
+/* Return dh/dt at the time t. */
 static real_t rate_of(const struct course *way, real_t t, real_t h)
 {
     real_t u[DERIVATIVES];
@@ -102,8 +106,9 @@ static real_t rate_of(const struct course *way, real_t t, real_t h)
     return slope_of(way->of, u[VALUE], h, way->up) * u[SLOPE];
 }
 
-/* The end of a piece from a, at most b, and h there, which starts as h at a: its cubic is off by at most `most` at a
- * quarter, in the middle and at three quarters. In the middle alone, what is odd about it would not be seen. */
+/* Return the end of a cubic piece from the time a, at most b, and replace h (its value at a) by its value there. The
+ * cubic's error at a quarter, at the middle and at three quarters is at most `most`; the middle alone would not show
+ * errors of odd symmetry. */
 static real_t fitting(const struct course *way, real_t a, real_t b, real_t *h, real_t most)
 {
     real_t u = value_at(way->drive, way->i, a), rise = rate_of(way, a, *h);
@@ -132,8 +137,8 @@ static real_t fitting(const struct course *way, real_t a, real_t b, real_t *h, r
     }
 }
 
-/* The pieces of a way from the instant `a` to `to`, from row `count` on; h at a becomes that at `to`. The number of rows
- * then, or -1. */
+/* Fill the pieces of a way from the time `a` to `to`, from row `count` on, and replace h at `a` by h at `to`. Return
+ * the number of rows then, or -1 if there is no room. */
 static int64_t way_pieces(const struct course *way, real_t a, real_t to, real_t *h, real_t most, const struct cubics *cubics,
                           int64_t count)
 {

@@ -2,29 +2,32 @@
  *
  * Included once per size, with these macros:
  *   OF(name)               name of this size's function or struct
- *   HOT                    specifiers of functions that every stage of a step calls
+ *   HOT                    specifiers of functions that each stage of a step calls
  *   UNROLL                 pragma before the loop over stages
  *   ROOM_MODES, ROOM_ELEMENTS, ROOM_STATES   dimensions of arrays, at least 1
- *   MODES(P), ELEMENTS(P), STATES(P)         numbers of modes, elements, entries of the state
- *   STATES_OF(P, e), FIRST(P, e)             number of internal states of element e, and the first one's place
- *   STATIC(test)           the test, whether laws are static; 0 or 1 where plants of this size have none, or no others
- *   RARE(test)             the test; 0 where plants of this size have nothing but contacts without a varying normal
- *                          force, so that a compiler removes what the test guards
- *   WATCHED(test)          the test; 0 where nothing of a step is kept: no samples, neighbours, or row of continuation */
+ *   MODES(P), ELEMENTS(P), STATES(P)         numbers of modes, of elements, and of entries of the state
+ *   STATES_OF(P, e), FIRST(P, e)             number of internal states of element e, and index of the first one
+ *   STATIC(test)           test for static laws; constant 0 or 1 if plants of this size have none, or no other laws
+ *   RARE(test)             test for a rare feature; constant 0 if plants of this size only have contacts with a constant
+ *                          normal force, so that the compiler removes the code of the feature
+ *   WATCHED(test)          test for results of single steps; constant 0 if there are no samples, neighbours or row of
+ *                          continuation */
 
 #ifndef NOTHING_YET
-/* Where a sum starts: -0 changes nothing that is added to it, not even +0, so that a compiler drops the addition. */
+/* Initial value of a sum. Adding -0 changes no number, not even +0, so a compiler can drop the addition. */
 #define NOTHING_YET R(-0.0)
 #endif
 
-/* How the contacts slide: the side of v = 0 of each element (0: held), and the branch of each internal state. */
+/* State of the contacts: the side of v = 0 of each element (0: held, a static law at rest), and the branch of each
+ * internal state. */
 struct OF(regime) {
     real_t side[ROOM_ELEMENTS];
     unsigned char branch[ROOM_STATES];
 };
 
-/* The normal force on an element: factor n; what is newly loaded, 1/s, with its derivative by time; factor on the rates
- * of the states. The rest is needed along a stroke. */
+/* Effect of the normal force on an element: `n`, factor on its force; `fresh`, rate of newly loaded contact [1/s], and
+ * `fresh_t`, its derivative by time; `soft`, factor on the rates of the states. The other fields are for a normal force
+ * that varies along the stroke. */
 struct OF(loading) {
     real_t n, fresh, fresh_t, soft;
     real_t part, grown;
@@ -52,7 +55,7 @@ HOT struct bristle OF(bristle)(const struct plant *P, const struct OF(regime) *o
     };
 }
 
-/* The law's equation, on the state's branch. */
+/* Compute the law's equation on the branch of the state. */
 HOT void OF(rate_on)(const struct bristle *of, real_t v, real_t z, real_t *force, real_t *dz)
 {
     if (!RARE(of->law->branch_rate != NULL)) {
@@ -65,8 +68,9 @@ HOT void OF(rate_on)(const struct bristle *of, real_t v, real_t z, real_t *force
     *dz *= sign;
 }
 
-/* Force and rate on one side of v = 0, continued beyond it by reflection in the point v = 0, which keeps value and slope:
- * the kink of |v| never enters a step, which is cut at the reversal afterwards. */
+/* Compute force and rate on one side of v = 0. For v of the other sign they are continued by reflection in the point v
+ * = 0, which keeps value and slope. So the kink of |v| never enters a step; the step is cut at the reversal
+ * afterwards. */
 HOT void OF(smooth_rate)(const struct bristle *of, real_t v, real_t z, real_t *force, real_t *dz)
 {
     if (RARE(of->law->smooth)) {
@@ -82,7 +86,7 @@ HOT void OF(smooth_rate)(const struct bristle *of, real_t v, real_t z, real_t *f
     *dz = R(2.0) * dz_0 - *dz;
 }
 
-/* Slopes by one-sided differences: outwards in v from the side of v = 0, and off a bound on z. */
+/* Compute partial derivatives by one-sided differences: in v away from v = 0, and in z away from a bound. */
 HOT struct law_slopes OF(slopes_of)(const struct bristle *of, real_t v, real_t z)
 {
     real_t at = RARE(of->law->smooth) ? v : r_copysign(v, of->side);
@@ -101,7 +105,7 @@ HOT struct law_slopes OF(slopes_of)(const struct bristle *of, real_t v, real_t z
     };
 }
 
-/* The part of an element's input that the modes' velocities make. */
+/* Return the part of an element's input that comes from the modes' velocities. */
 HOT real_t OF(sliding)(const struct plant *P, int e, const real_t *q)
 {
     real_t s = NOTHING_YET;
@@ -110,7 +114,8 @@ HOT real_t OF(sliding)(const struct plant *P, int e, const real_t *q)
     return s;
 }
 
-/* The part of an element's input that is linear in the state. */
+/* Return the part of an element's input that is linear in the plant's state: from velocities and positions of the
+ * modes. */
 HOT real_t OF(relative_speed)(const struct plant *P, int e, const real_t *q)
 {
     const struct element *E = &P->element[e];
@@ -121,21 +126,21 @@ HOT real_t OF(relative_speed)(const struct plant *P, int e, const real_t *q)
     return s;
 }
 
-/* The part of an element's input that the drive makes. */
+/* Return the part of an element's input that comes from the drive and its slope. */
 HOT real_t OF(driven)(const struct plant *P, int e, const real_t *u)
 {
     const struct element *E = &P->element[e];
     return RARE(1) ? E->drive * u[VALUE] + E->drive_rate * u[SLOPE] : R(0.0);
 }
 
-/* An element's input, without what other elements feed into it. */
+/* Return an element's input, without the part that other elements feed into it. */
 HOT real_t OF(speed)(const struct plant *P, int e, const real_t *q, const real_t *u)
 {
     real_t s = OF(relative_speed)(P, e, q);
     return RARE(1) ? s + OF(driven)(P, e, u) : s;
 }
 
-/* What the outputs of earlier elements feed into an element's input. */
+/* Return the part of an element's input that comes from the outputs of earlier elements. */
 HOT real_t OF(fed)(const struct plant *P, int e, const real_t *output)
 {
     real_t s = NOTHING_YET;
@@ -145,7 +150,7 @@ HOT real_t OF(fed)(const struct plant *P, int e, const real_t *output)
     return s;
 }
 
-/* What the output of an element does to the rate of its own input, through the bodies that it pushes. */
+/* Return the rate of change of an element's input per unit of its own output, through the bodies that it pushes. */
 HOT real_t OF(own_push)(const struct plant *P, int e)
 {
     real_t s = R(0.0);
@@ -154,7 +159,7 @@ HOT real_t OF(own_push)(const struct plant *P, int e)
     return s;
 }
 
-/* The normal force of an element that changes along the stroke. */
+/* Compute the effect of a normal force that varies along the stroke, at the state q. */
 static void OF(load_along)(const struct element *E, const real_t *q, const real_t *normal, struct OF(loading) *made)
 {
     made->along = ss_along(E->along, q[2 * E->place]);

@@ -1,4 +1,4 @@
-/* The engine, for all sizes. */
+/* The engine, compiled for all sizes of plants. */
 #include "engine.h"
 
 #include <stdlib.h>
@@ -16,7 +16,8 @@
 #define WATCHED(test) (test)
 #include "size.inl"
 
-/* What every stage of a fixed size calls becomes part of the step, so that its numbers stay in registers. */
+/* In instances of fixed size, functions that each stage calls are inlined and loops are unrolled, so that numbers stay
+ * in registers. */
 #if defined __clang__
 #define PLAIN_UNROLL _Pragma("clang loop unroll(full)")
 #define PLAIN_HOT static inline __attribute__((always_inline))
@@ -28,7 +29,8 @@
 #define PLAIN_HOT static inline
 #endif
 
-/* Bristle contacts with one state each, or a static one, and nothing rarer: sizes that a compiler can unroll. */
+/* Instances of fixed size, for frequent plants: contacts with one bristle each, or with static laws, and nothing
+ * rarer. */
 #define PLAIN_MODES 1
 #define PLAIN_ELEMENTS 1
 #define PLAIN_BRISTLES 1
@@ -66,8 +68,8 @@ STICKSLIP_API int64_t stickslip_resume_size(const struct plant *P)
 
 enum { STATICS = 100 };
 
-/* The size that fits a plant: ten times its modes and its elements, and STATICS if their laws are static; 0: that which
- * is known at run time. */
+/* Return the code of the instance that fits a plant: ten times its modes plus its elements, plus STATICS if the laws
+ * are static; 0 for the instance with run-time sizes. */
 static int size_of(const struct plant *P)
 {
     if (!P->plain || (P->statics > 0 && P->statics < P->elements))

@@ -1,7 +1,8 @@
-/* The equations of motion, see `stickslip/simulation/plant/system.py`. Included once per size, after `elements.inl`. */
+/* Equations of motion, see `stickslip/simulation/plant/system.py`. Included once per size, after `elements.inl`. */
 
-/* A held contact moves the last of its bodies exactly as the others, to the last bit: true rest. `kept`: the rate of its
- * input that the bodies' velocities make; x: those of the modes, `stride` apart. */
+/* Set the velocity (or acceleration) of the last body of a held contact from the other bodies, so that the contact
+ * rests without rounding errors. `kept` is the required sum of these values, weighted as in the contact's input; `x`
+ * has the values of the modes, `stride` entries apart. */
 HOT void OF(pin)(const struct plant *P, int e, real_t kept, real_t *x, int stride)
 {
     const struct element *E = &P->element[e];
@@ -13,7 +14,8 @@ HOT void OF(pin)(const struct plant *P, int e, real_t kept, real_t *x, int strid
     x[E->pinned * stride] = kept / E->velocity[E->pinned];
 }
 
-/* Gauss's elimination of the held contacts; what is held twice over is held by the first. */
+/* Solve A b' = b in place by Gaussian elimination, for the forces of the held contacts. A contact that other held
+ * contacts already fix gets no force. */
 HOT void OF(eliminate)(const struct plant *P, int count, real_t A[ROOM_ELEMENTS][ROOM_ELEMENTS], real_t *b)
 {
     real_t pivot[ROOM_ELEMENTS], size[ROOM_ELEMENTS];
@@ -36,8 +38,9 @@ HOT void OF(eliminate)(const struct plant *P, int count, real_t A[ROOM_ELEMENTS]
     }
 }
 
-/* Adds the forces that keep the held contacts at rest. x: accelerations of the modes (or what they change by in time),
- * `stride` apart; u_rate: the derivative of the drive whose share d' they must cancel. */
+/* Add the forces that keep the held contacts at rest. `x` has the accelerations of the modes (or their derivatives by
+ * time), `stride` entries apart; `u_rate` is the derivative of the drive whose part in the input, by drive_rate, the
+ * forces must balance. */
 HOT void OF(hold)(const struct plant *P, const struct OF(regime) *on, real_t u_rate, real_t *x, int stride,
                   real_t *force)
 {
@@ -68,7 +71,7 @@ HOT void OF(hold)(const struct plant *P, const struct OF(regime) *on, real_t u_r
         OF(pin)(P, held[i], -(P->element[held[i]].drive_rate * u_rate), x, stride);
 }
 
-/* The output of an element before its normal force, and the rates of its states. */
+/* Return the output of an element before the factor of the normal force; set the rates of its states. */
 HOT real_t OF(output)(const struct plant *P, const struct OF(regime) *on, int e, real_t s, const real_t *q,
                                 const struct OF(loading) *load, real_t *rates)
 {
@@ -88,7 +91,7 @@ HOT real_t OF(output)(const struct plant *P, const struct OF(regime) *on, int e,
     return f;
 }
 
-/* dq/dt, and the outputs of the elements. u, normal: drive and load with their derivatives by time. */
+/* Compute dq/dt and the outputs of the elements. `u` and `normal` are drive and load with their derivatives by time. */
 HOT void OF(slope)(const struct plant *P, const struct OF(regime) *on, const real_t *q, const real_t *u,
                              const real_t *normal, real_t *dq, real_t *force)
 {

@@ -1,4 +1,5 @@
-/* Further functions of a plant: errors, bounds, events, drift, ticks. Included once per size, after `system.inl`. */
+/* Further functions of a plant: size of an error, bounds of states, jumps of the load, accelerations, branches, sampled
+ * elements. Included once per size, after `system.inl`. */
 
 static inline bool OF(is_contact)(const struct plant *P, int e)
 {
@@ -11,14 +12,15 @@ static inline void OF(copy)(const struct plant *P, const real_t *from, real_t *t
         to[c] = from[c];
 }
 
-/* Sets the start of a sum. */
+/* Set a vector to the initial value of a sum. */
 static inline void OF(clear)(const struct plant *P, real_t *q)
 {
     for (int c = 0; c < STATES(P); c++)
         q[c] = NOTHING_YET;
 }
 
-/* The largest entry of an error vector in metres, or NaN. */
+/* Return the size of an error vector: its largest entry, converted to metres; NaN if an entry is NaN. `weights` convert
+ * the internal states. */
 HOT real_t OF(size)(const struct plant *P, const real_t *r, const real_t *weights)
 {
     real_t fastest = R(0.0), largest = R(0.0), sum = R(0.0);
@@ -34,7 +36,7 @@ HOT real_t OF(size)(const struct plant *P, const real_t *r, const real_t *weight
     return largest + R(0.0) * sum;
 }
 
-/* Puts each internal state on a bound that it moves towards and is within `local` [m] of. */
+/* Put each internal state on its bound if it moves towards the bound and is within `local` [m] of it. */
 static inline void OF(settle)(const struct plant *P, real_t *q, const real_t *u, real_t local)
 {
     for (int e = 0; e < ELEMENTS(P); e++) {
@@ -49,7 +51,7 @@ static inline void OF(settle)(const struct plant *P, real_t *q, const real_t *u,
     }
 }
 
-/* By how much the rates of the states of a contact jump in slope at v = 0, at the speed `beyond` [m/s]. */
+/* Return the largest jump of slope of a contact's state rates at v = 0, times the speed `beyond` [m/s]. */
 static inline real_t OF(kink)(const struct plant *P, int e, const real_t *q, real_t beyond)
 {
     const struct element *E = &P->element[e];
@@ -60,7 +62,7 @@ static inline real_t OF(kink)(const struct plant *P, int e, const real_t *q, rea
     return most;
 }
 
-/* Brings the input of contact e to a speed, by an impulse of its own. */
+/* Bring the input of contact e to a speed, by an impulse of the contact on its bodies. */
 static void OF(bring)(const struct plant *P, real_t *q, const real_t *u, int e, real_t speed)
 {
     const struct element *E = &P->element[e];
@@ -74,7 +76,8 @@ static void OF(bring)(const struct plant *P, real_t *q, const real_t *u, int e, 
         OF(pin)(P, e, speed - OF(driven)(P, e, u), q + 1, 2);
 }
 
-/* Puts the bodies of held contacts where they were to each other at the state `begun`, exactly. */
+/* Put the bodies of held contacts at the same relative positions as in the state `begun`, and at relative rest, without
+ * rounding errors. */
 static void OF(ride)(const struct plant *P, const struct OF(regime) *on, real_t *q, const real_t *u,
                      const real_t *begun, const real_t *u_begun)
 {
@@ -90,7 +93,7 @@ static void OF(ride)(const struct plant *P, const struct OF(regime) *on, real_t 
     }
 }
 
-/* Largest force of a static contact at rest [N]. */
+/* Return the largest force of a static contact at rest [N, or N m]. */
 static inline real_t OF(breakaway)(const struct plant *P, int e, const real_t *q, const real_t *normal)
 {
     const struct element *E = &P->element[e];
@@ -98,7 +101,8 @@ static inline real_t OF(breakaway)(const struct plant *P, int e, const real_t *q
     return E->law->breakaway(E->parameters) * load.n;
 }
 
-/* After a jump of the load, which was `ratio` times the new one. */
+/* Reduce the internal states of loaded elements after a jump of the load; `ratio` is the load before over the load
+ * after. */
 static void OF(unload)(const struct plant *P, real_t *q, real_t ratio)
 {
     for (int e = 0; e < ELEMENTS(P); e++) {
@@ -111,7 +115,7 @@ static void OF(unload)(const struct plant *P, real_t *q, real_t ratio)
     }
 }
 
-/* The largest share of the drive in the acceleration of a mode. */
+/* Return the largest derivative of a mode's acceleration by the drive. */
 static real_t OF(strongest_drive)(const struct plant *P)
 {
     real_t most = R(0.0);
@@ -120,7 +124,8 @@ static real_t OF(strongest_drive)(const struct plant *P)
     return most;
 }
 
-/* The largest acceleration, with what the slope of the drive adds to it within 1/rate, m/s^2. */
+/* Return the largest acceleration of a mode, plus the change that the drive's slope causes within the time 1/rate,
+ * m/s^2. */
 static real_t OF(unrest)(const struct plant *P, const real_t *dq, const real_t *u)
 {
     real_t most = R(0.0);
@@ -129,8 +134,8 @@ static real_t OF(unrest)(const struct plant *P, const real_t *dq, const real_t *
     return most + OF(strongest_drive)(P) * r_abs(u[SLOPE]) / P->rate;
 }
 
-/* What a change u of the drive and its derivatives adds to an acceleration within 1/rate, m/s^2; infinite if an element
- * moves with the drive. */
+/* Return the change of acceleration within the time 1/rate that is caused by a change u of the drive and its
+ * derivatives, m/s^2; infinite if an element's body follows the drive. */
 static real_t OF(jolt)(const struct plant *P, const real_t *u)
 {
     for (int e = 0; e < ELEMENTS(P); e++)
@@ -140,7 +145,7 @@ static real_t OF(jolt)(const struct plant *P, const real_t *u)
     return OF(strongest_drive)(P) * (r_abs(u[VALUE]) + later);
 }
 
-/* Puts each internal state on the branch on which it is at speeds whose rates are given by dq. */
+/* Choose the branch of each internal state, from the contact's speed and its growth by dq. */
 static void OF(choose_branches)(const struct plant *P, struct OF(regime) *on, const real_t *q, const real_t *u,
                                 const real_t *dq)
 {
@@ -158,7 +163,7 @@ static void OF(choose_branches)(const struct plant *P, struct OF(regime) *on, co
     }
 }
 
-/* Whether all internal states are still on their branches. */
+/* Return true if all internal states are still on their branches. */
 static bool OF(branches_hold)(const struct plant *P, const struct OF(regime) *on, const real_t *q, const real_t *u,
                               const real_t *dq)
 {
@@ -182,7 +187,7 @@ static inline real_t OF(tick_period)(const struct element *E)
     return E->parameters[E->law->period];
 }
 
-/* When the next sampled element is due after t, s; infinite if there is none. */
+/* Return the time of the next tick of a sampled element after t, s; infinite if there is no sampled element. */
 static inline real_t OF(next_tick)(const struct plant *P, real_t t)
 {
     real_t at = R(INFINITY);
@@ -195,7 +200,7 @@ static inline real_t OF(next_tick)(const struct plant *P, real_t t)
     return at;
 }
 
-/* The ticks of the sampled elements that are due at t. */
+/* Update the states of the sampled elements that have a tick at t. */
 static void OF(tick)(const struct plant *P, real_t *q, const real_t *u, real_t t)
 {
     real_t input[ROOM_ELEMENTS];

@@ -1,4 +1,5 @@
-/* The linear map of a disturbance over one period: where it leads, and whether it grows. Matrices are [n, n], by rows. */
+/* Linear map of a small disturbance over one period: the periodic orbit that it leads to, and its growth. Matrices are
+ * [n, n], by rows. */
 #ifndef STICKSLIP_LINEAR_H
 #define STICKSLIP_LINEAR_H
 
@@ -11,7 +12,8 @@ static inline void swap(real_t *a, real_t *b)
     *b = kept;
 }
 
-/* The largest entry of the rows from k on, and of the columns from k to `end`, becomes that at [k, k]. */
+/* Exchange rows and columns so that a[k, k] is the entry of largest modulus in the rows from k on and the columns from
+ * k to `end`. */
 static void pivot(int n, int k, int end, real_t *a, real_t *x, int *order)
 {
     int row = k, column = k;
@@ -31,10 +33,12 @@ static void pivot(int n, int k, int end, real_t *a, real_t *x, int *order)
     order[column] = kept;
 }
 
-/* From a state whose period ends off by `defect` to the orbit, to first order: x = (I - J)^-1 defect, by Gauss's
- * elimination in `a`, where `scale` brings all to metres: of the first `bodies` entries, then of the others, with complete
- * pivoting in each. What of the others changes by `least` of itself or less in a period stays where it is. Infinite where
- * there is no orbit. */
+/* Return in x the step from a state to the periodic orbit, to first order: x = (I - J)^-1 defect. `defect` is the
+ * change of the state in a period, J the derivative of the map over a period.
+ *
+ * Gaussian elimination in `a`, with complete pivoting: first of the `bodies` first entries, then of the others. `scale`
+ * converts all entries to metres. Directions of the others that change by at most the fraction `least` in a period stay
+ * as they are. x is infinite if there is no orbit. */
 static void to_orbit(int n, const real_t *J, const real_t *defect, const real_t *scale, int bodies, real_t least, real_t *a,
                      int *order, real_t *x)
 {
@@ -71,7 +75,8 @@ static void to_orbit(int n, const real_t *J, const real_t *defect, const real_t 
         x[k] = a[k];
 }
 
-/* The largest eigenvalue in size, from the norm of the matrix squared so many times over; in a and b. */
+/* Return the largest modulus of the eigenvalues, from the norm of the matrix after repeated squaring; `a` and `b` are
+ * workspace. */
 static real_t spectral_radius(int n, const real_t *J, const real_t *scale, int squarings, real_t *a, real_t *b)
 {
     real_t logarithm = R(0.0), weight = R(1.0);

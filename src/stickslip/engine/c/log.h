@@ -1,15 +1,16 @@
-/* The log of steps, and the row of numbers from which a run continues to the last bit. */
+/* Log of the steps, and the row of numbers from which a later run continues with the same result to the last bit. */
 #ifndef STICKSLIP_LOG_H
 #define STICKSLIP_LOG_H
 
 #include "table.h"
 
-/* Rows of a log: more than a period needs at any tolerance in use. A period that does not fit is never copied. */
+/* Number of rows of a log: more steps than a period needs at usual tolerances. A period that does not fit into the log
+ * is never copied. */
 #define LOG_ROWS 1024
 
-/* Columns of the log: a step's start, its length, where it ends, the fraction of it that counts; then the sides of the
- * contacts, the branches of the internal states (if there are any), the states at both ends, and the continuous
- * extension. LAUNCHED instead of the fraction: no step but the first moment of a slip. */
+/* Columns of the log: a step's start, its length, its end, the used fraction of the step; then the sides of the
+ * contacts, the branches of the internal states (if a law has branches), the states at both ends, and the continuous
+ * extension. If the fraction is LAUNCHED, the row is no step but the first moment of a slip. */
 enum { LOG_START, LOG_LENGTH, LOG_END, LOG_FRACTION, LOG_SIDES };
 #define LAUNCHED R(2.0)
 
@@ -18,12 +19,12 @@ struct log {
     real_t *values; /* [rows, columns] */
 };
 
-/* Entries of a row of continuation: whether it holds anything, the end that has had an influence, time, next step,
- * whether the sides are still to be found, whether there is a period to compare with; then sides, branches, state, state
- * a period ago. */
+/* Entries of a row of continuation: whether the row is valid, the end of the run that had an influence, time, next
+ * step, whether the sides must be determined, whether there is a previous period to compare with; then sides, branches,
+ * state, state a period ago. */
 enum { VALID, INFLUENCED, RESUME_TIME, RESUME_STEP, RESUME_FRESH, COMPARED, RESUME_SIDES };
 
-/* Running integrals of the account. */
+/* Number of integrals of the account of work, see `reading.inl`. */
 enum { TERMS = 4 };
 
 /* Nodes and weights of Gauss-Legendre quadrature over a unit interval. */
@@ -39,7 +40,8 @@ static inline const real_t *log_row(const struct log *log, int row)
     return log->values + (int64_t)row * log->columns;
 }
 
-/* The normal force before over that after it jumps to segment j; 0 if there is none any more. */
+/* Return the normal force before its jump at the start of segment j, over the force after the jump; 0 if the force
+ * after the jump is not positive. */
 static inline real_t load_ratio(const struct table *load, int64_t j, real_t t)
 {
     real_t before[DERIVATIVES], after[DERIVATIVES];

@@ -1,6 +1,6 @@
-/* The log of steps: its rows, and rows of continuation. Included once per size, after `walk.inl`. */
+/* Log of the steps: its rows, and rows of continuation. Included once per size, after `walk.inl`. */
 
-/* Number of internal states whose branches are kept. */
+/* Return the number of internal states whose branches are stored. */
 static inline int OF(branches)(const struct plant *P)
 {
     return RARE(P->branched) ? STATES(P) - 2 * MODES(P) : 0;
@@ -16,7 +16,7 @@ static inline int OF(resume_columns)(const struct plant *P)
     return RESUME_SIDES + ELEMENTS(P) + OF(branches)(P) + 2 * STATES(P);
 }
 
-/* Puts how the contacts slide into a row; returns how many numbers that takes. */
+/* Store the sides and branches of the contacts in a row; return how many numbers they take. */
 static inline int OF(put_regime)(const struct plant *P, const struct OF(regime) *on, real_t *row)
 {
     for (int e = 0; e < ELEMENTS(P); e++)
@@ -37,7 +37,7 @@ static inline int OF(get_regime)(const struct plant *P, const real_t *row, struc
     return ELEMENTS(P) + OF(branches)(P);
 }
 
-/* Puts an instant into a row of continuation. */
+/* Store a time with its state in a row of continuation. */
 static void OF(store)(const struct plant *P, real_t *row, real_t t, real_t h, bool fresh, bool compared,
                       const struct OF(regime) *on, const real_t *q, const real_t *before)
 {
@@ -51,7 +51,7 @@ static void OF(store)(const struct plant *P, real_t *row, real_t t, real_t h, bo
     OF(copy)(P, before, states + STATES(P));
 }
 
-/* Appends the step that was accepted to the log. */
+/* Append the accepted step to the log. */
 static void OF(record)(struct OF(walk) *w, real_t t_new)
 {
     const struct plant *P = w->P;

@@ -1,9 +1,9 @@
-/* Members of an ensemble: trajectories one after the other, each of a plant with numbers of its own. */
+/* Members of an ensemble: trajectories of plants with different numbers, one after the other. */
 #include <stdlib.h>
 
 #include "engine.h"
 
-/* Follows member m, with room for its samples of `columns` numbers. */
+/* Integrate member m; `samples` has room for its samples, `columns` numbers each. */
 static void follow_member(const struct stickslip_members *of, int64_t m, int64_t columns, real_t *samples)
 {
     struct stickslip_result result = {of->spans[m][0], 0, 0};

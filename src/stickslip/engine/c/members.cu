@@ -1,7 +1,7 @@
-/* Members of an ensemble on a GPU: each thread follows one, by the steps that the processors take.
+/* Members of an ensemble on a GPU: each thread integrates one member, with the same steps as on a processor.
  *
- * Compiled by NVRTC for one layout of plants, whose `layout.h` is written by `stickslip/engine/cuda.py`: the sizes, the
- * macros of `elements.inl`, the laws, and `fill_plant`. */
+ * NVRTC compiles this file for one layout of plants. `stickslip/engine/cuda.py` writes the layout's `layout.h`: the
+ * sizes, the macros of `elements.inl`, the laws, and `fill_plant`. */
 #define STICKSLIP_GPU
 #ifdef __CUDACC__
 #define UNROLL _Pragma("unroll 1")
@@ -42,7 +42,7 @@ extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS) stickslip_gpu_memb
                                   .begin = of.spans[2 * m], .end = of.spans[2 * m + 1], .tolerance = of.tolerance,
                                   .max_steps = of.max_steps, .careful = (int32_t)of.careful};
     struct stickslip_result result = {of.spans[2 * m], 0, 0};
-    struct log none = {}; /* samples would need room for the steps of a period in each thread */
+    struct log none = {}; /* no log, and so no samples: they would need room for the steps of a period in each thread */
     struct journey_gpu J = {};
     of.outcomes[m] = travel_gpu(&J, &none, &task, &result);
     of.reached[m] = result.reached;

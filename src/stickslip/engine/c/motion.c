@@ -1,41 +1,43 @@
-/* The elements of a friction law under a prescribed motion: scalar equations, one element at a time.
+/* Friction law under a given motion: a scalar equation for each element.
  *
- * Between two samples the velocity is constant, so nothing couples the elements. A stiff bristle settles within a small
- * part of an interval. An exponential Rosenbrock pair of order 3(2) [hochbruck2010, "exprb32"] with error control follows
- * it: of a law that is linear in its state at constant velocity, as LuGre, one step is exact whatever its length. */
+ * The velocity is constant between two samples, so the elements are independent. A stiff bristle reaches equilibrium
+ * within a small part of an interval. It is integrated by an exponential Rosenbrock pair of order 3(2) with error
+ * control [hochbruck2010, "exprb32"]. For a law that is linear in its state at constant velocity, such as LuGre, one
+ * step of any length is exact. */
 #include "engine.h"
 #include "piezo_laws.h"
 
-/* Steps within one interval between samples, after which the law counts as one that cannot be followed. */
+/* Largest number of steps in one interval between samples; if it is not enough, the integration fails. */
 #define MOST_STEPS 100000
-/* Part of an interval that is rounding. */
+/* Fraction of an interval that counts as rounding. */
 #define REST R(1e-12)
 
-/* An interval: constant velocity [m/s], duration [s], normal force over its reference at both ends. */
+/* An interval: constant velocity [m/s], duration [s], normal force relative to its reference at both ends. */
 struct interval {
     real_t v, duration, before, after;
 };
 
-/* A deflection's equation: the normal force grows by `growth` [1/s]. */
+/* The equation of a deflection; the relative normal force grows by `growth` [1/s]. */
 struct deflection {
     const struct law *law;
     const real_t *p;
     real_t v, growth;
 };
 
-/* Rate of the deflection at the normal force n over its reference: what is newly loaded carries no tangential force (see
- * `stickslip/simulation/plant/system.py`). */
+/* Return the rate of the deflection at the normal force n, relative to its reference. Newly loaded contact carries no
+ * tangential force, which reduces the mean deflection (see `stickslip/simulation/plant/system.py`). */
 static real_t renewed(const struct deflection *of, real_t z, real_t n)
 {
     real_t force, dz;
     of->law->rate(of->p, of->v, z, &force, &dz);
     if (of->growth > R(0.0) && n > R(0.0))
         return dz - of->growth / n * z;
-    return of->growth > R(0.0) ? R(0.5) * dz : dz; /* the limit at contact that begins: z = t dz/2 */
+    return of->growth > R(0.0) ? R(0.5) * dz : dz; /* limit for n = 0, where contact starts: z = t dz/2 */
 }
 
-/* Deflection after a step of h; in `error`, an estimate of its error. The slope is a difference inwards, where no bound on
- * z is met, and over no more than the tolerance: where the rate jumps and keeps z there, it then is within that. */
+/* Return the deflection after a step h, and an estimate of its error in `error`. The derivative by z is a difference
+ * towards smaller |z|, where no bound is met. The difference is not larger than the tolerance, so that the error stays
+ * within the tolerance if the rate jumps and keeps z there. */
 static real_t stepped(const struct deflection *of, real_t z, real_t n, real_t h, real_t tolerance, real_t *error)
 {
     real_t size = r_abs(z), off = r_min(R(1e-5) * size, r_max(tolerance, R(1e-9) * size)) + R(1e-15);
@@ -43,7 +45,8 @@ static real_t stepped(const struct deflection *of, real_t z, real_t n, real_t h,
     real_t slope = (rate - renewed(of, z - in, n)) / in;
     bool renews = of->growth > R(0.0) && n > R(0.0);
     real_t by_time = renews ? r_square(of->growth / n) * z : R(0.0);
-    ss_weights_result phi = ss_weights(-h * slope); /* phi_1, phi_2 and 2 phi_3 of h times the slope */
+    /* phi_1, phi_2 and 2 phi_3 of h times the derivative of the rate by z */
+    ss_weights_result phi = ss_weights(-h * slope);
     real_t second = z + h * (phi.i0 * rate + h * phi.i1 * by_time);
     real_t bends = renewed(of, second, n + h * of->growth) - rate - slope * (second - z) - h * by_time;
     real_t correction = h * phi.i2 * bends;
@@ -51,7 +54,7 @@ static real_t stepped(const struct deflection *of, real_t z, real_t n, real_t h,
     return second + correction;
 }
 
-/* Moves the deflection to the end of the interval. Returns whether the law could be followed to there. */
+/* Move the deflection to the end of the interval. Return false if the law could not be integrated to there. */
 static bool advance(const struct law *law, const real_t *p, const struct interval *over, real_t tolerance,
                     const volatile int32_t *stop, real_t *deflection)
 {
@@ -81,9 +84,10 @@ static bool advance(const struct law *law, const real_t *p, const struct interva
     return false;
 }
 
-/* Force of a static law over an interval; in `carried`, what it carries at its end, over its breakaway; both forces over
- * the normal force. At rest the force stays what it was when the motion stopped, as far as rest can hold it, and follows
- * the normal force as that of a bristle does. */
+/* Return the force of a static law in an interval, over the normal force. `carried` is the force at rest over the
+ * breakaway force, and is updated to the end. At rest, the force stays as it was when the motion stopped, up to the
+ * breakaway force. A growing normal force does not change the absolute force; a falling one reduces the force in
+ * proportion, like that of a bristle. */
 static real_t static_force(const struct law *law, const real_t *p, const struct interval *over, real_t *carried)
 {
     real_t limit = law->breakaway(p), force, dz;
@@ -96,14 +100,14 @@ static real_t static_force(const struct law *law, const real_t *p, const struct 
         force = limit * *carried;
     }
     if (!(over->after > R(0.0)))
-        *carried = R(0.0); /* contact that is lost is made anew with nothing */
+        *carried = R(0.0); /* contact that is lost starts again without force */
     return force;
 }
 
-/* Fills sample k. Returns whether the law could be followed to there. */
+/* Fill sample k. Return false if the law could not be integrated to there. */
 static bool follow_to(const struct stickslip_motion *of, int64_t k)
 {
-    int64_t ahead = k > 0 ? k : 1; /* the first sample shows the force with which the first interval begins */
+    int64_t ahead = k > 0 ? k : 1; /* the first sample has the force at the start of the first interval */
     struct interval over = {R(0.0), of->time[ahead] - of->time[ahead - 1], R(1.0), R(1.0)};
     over.v = (of->position[ahead] - of->position[ahead - 1]) / over.duration;
     if (!of->proportional) {
@@ -113,7 +117,7 @@ static bool follow_to(const struct stickslip_motion *of, int64_t k)
     real_t total = R(0.0), *row = of->samples + k * (1 + (of->elements > 0 ? of->elements : 1));
     if (of->elements == 0) {
         if (k == 0)
-            over.after = over.before; /* the first sample is before the interval */
+            over.after = over.before; /* the first sample is before the interval, so the load does not change */
         total = static_force(of->law, of->parameters, &over, of->state);
         row[1] = of->state[0];
     }

@@ -1,4 +1,4 @@
-/* The state machine of moves, for Python. Exported C contains the same headers, with its functions static. */
+/* State machine of moves, exported to Python. Exported C contains the same headers, with static functions. */
 #include "engine.h"
 
 #define MOVER_API STICKSLIP_API

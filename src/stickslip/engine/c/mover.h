@@ -1,5 +1,6 @@
-/* From anywhere to a position, and hold it: the state machine of stickslip.control.Mover. `mover_begin` once, at rest;
-   then at each update `mover_before`, the regulator if that asks for it, and `mover_after`. SI: V, m (rad). */
+/* State machine that moves to a position from anywhere and holds it: stickslip.control.Mover. Call `mover_begin` once,
+ * at rest. At each update call `mover_before`; if it returns true, also call the regulator, and then `mover_after` with
+ * the regulator's voltage. SI units: V, and m, or rad for a rotary actuator. */
 #ifndef STICKSLIP_MOVER_H
 #define STICKSLIP_MOVER_H
 
@@ -7,82 +8,91 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define MOVER_PATIENCE 20  /* steps in a row that led nowhere, after which a move is given up */
-#define MOVER_ATTEMPTS 20  /* times a move begins again without having been at the target in between */
-#define MOVER_CLOSE 0.5    /* how near mid-range the piezo must come by steps, as a share of half of that range */
-#define MOVER_CENTRED 0.15 /* the same where it is wanted in the middle */
+/* Number of steps in succession without progress after which a move is given up. */
+#define MOVER_PATIENCE 20
+/* Number of times that a move starts again without having been at the target in between. */
+#define MOVER_ATTEMPTS 20
+/* Largest distance of the piezo from the middle of its range after steps, as a fraction of half the range. */
+#define MOVER_CLOSE 0.5
+/* The same if the piezo is to be centred. */
+#define MOVER_CENTRED 0.15
 
 typedef enum {
     MOVER_REST,
-    MOVER_RETURN,   /* the piezo goes, sticking, to where steps begin */
-    MOVER_STEP,     /* full steps, the last ones as far as is missing */
-    MOVER_WAIT,     /* until they have died away */
+    MOVER_RETURN,   /* the piezo moves, with a sticking contact, to the voltage at which steps start */
+    MOVER_STEP,     /* full steps; the last one may be smaller */
+    MOVER_WAIT,     /* pause until vibrations have decayed */
     MOVER_RECENTRE, /* the piezo slips to the middle of its range */
-    MOVER_SCAN,     /* to the target by the piezo */
+    MOVER_SCAN,     /* the piezo moves to the target, with a sticking contact */
     MOVER_HOLD
 } mover_phase;
 
 typedef enum {
     MOVER_FINE,
-    MOVER_OUT_OF_REACH, /* not reached in MOVER_ATTEMPTS attempts */
-    MOVER_LOST          /* MOVER_PATIENCE steps in a row led nowhere: an end stop, or lost steps */
+    MOVER_OUT_OF_REACH, /* target not reached in MOVER_ATTEMPTS attempts */
+    MOVER_LOST          /* MOVER_PATIENCE steps in succession without progress: an end stop, or lost steps */
 } mover_error;
 
-/* Steps in one direction: a table, and what was learnt since. */
+/* Step sizes in one direction: a table, and a factor that is learnt from the steps made. */
 typedef struct {
-    const double *sizes;           /* [points], m, from 0 on */
-    double factor;                 /* on the table, by least squares */
-    double squares, products;      /* m^2: the sums that the factor is from */
+    const double *sizes;           /* [points], step sizes at the table's voltages, m, from 0 on */
+    double factor;                 /* factor on the table's sizes, by least squares */
+    double squares, products;      /* sums from which the factor is computed, m^2 */
 } mover_way;
 
 typedef struct {
     int64_t points;
-    const double *voltages;        /* [points], V, ascending from 0 */
-    double learning;               /* share of what was learnt that each step takes the place of */
+    const double *voltages;        /* [points], step amplitudes, V, ascending from 0 */
+    double learning;               /* weight of a new step in the sums; 0: nothing is learnt */
     mover_way ways[2];             /* forward, backward */
 } mover_table;
 
 typedef struct {
-    arrival_plan arrival;          /* the gain of the piezo, too */
-    double rate;                   /* Hz, of the updates */
-    double low, high, middle;      /* V: the piezo's range */
-    double least, most;            /* V: the part of it that is used to hold */
-    double start;                  /* V, at rest */
-    double amplitude;              /* V, of full steps */
-    double share_lost;             /* share of the expected way below which a step is lost */
-    double nearby;                 /* m: such targets are tried from mid-range before steps are */
-    double along;                  /* V in one update, up to which a moving target is followed without a scan */
-    double holding;                /* s at the target, after which the move is done */
-    int64_t period, rise;          /* updates of a step, and of its rise */
+    arrival_plan arrival;          /* test of arrival; it contains the gain of the piezo */
+    double rate;                   /* rate of the updates, Hz */
+    double low, high, middle;      /* ends and middle of the piezo's range, V */
+    double least, most;            /* ends of the part of the range that is used to hold a position, V */
+    double start;                  /* voltage at rest, V */
+    double amplitude;              /* amplitude of full steps, V */
+    double share_lost;             /* fraction of the expected distance below which a step counts as lost */
+    double nearby;                 /* largest distance of targets that are first tried by the piezo from mid-range,
+                                    * without steps, m */
+    double along;                  /* largest voltage change per update by which the piezo follows a moving target
+                                    * without a scan, V */
+    double holding;                /* time at the target after which the move is done, s */
+    int64_t period, rise;          /* number of updates of a step, and of its slow rise */
     int64_t slipping;
-    const double *slip;            /* [slipping], what is left of a voltage after its rise */
-    int64_t pause, scanning;       /* updates after the last step, and of a scan or a return */
-    mover_table table;             /* with what is learnt at the start */
+    const double *slip;            /* [slipping], fraction of the voltage that is left at each update after the rise */
+    int64_t pause, scanning;       /* number of updates of the pause after the last step, and of a scan or a return */
+    mover_table table;             /* initial step sizes */
 } mover_plan;
 
 typedef struct {
     const mover_plan *plan;
     mover_phase phase;
-    int64_t entered;               /* how often a phase began */
+    int64_t entered;               /* number of phases that have started */
     mover_error error;
-    double goal, voltage;          /* m, NAN before it was told; V */
-    double wanted;                 /* m: where the regulator has to go at this update */
-    bool begins;                   /* the regulator has to begin first, at `voltage` and the position `before` */
-    int64_t steps, lost;           /* made, and of them those that led nowhere */
-    bool settled, done;            /* it was at the target; it stayed there as long as wanted */
-    double settled_at;             /* s */
-    int64_t steps_wanted;          /* set to make so many full steps, backward below 0, and hold there */
-    bool centre_wanted;            /* set to have the piezo in mid-range when it holds, at the same target */
-    mover_table table;             /* with what is learnt by now */
+    double goal, voltage;          /* target, m, NAN before the first one; drive voltage, V */
+    double wanted;                 /* position that the regulator must reach at this update, m */
+    bool begins;                   /* the regulator must start anew, at `voltage` and the position `before` */
+    int64_t steps, lost;           /* numbers of steps made, and of lost ones among them */
+    bool settled, done;            /* true if the position was at the target; true if it has stayed there for
+                                    * `holding` */
+    double settled_at;             /* time of arrival, s */
+    int64_t steps_wanted;          /* set by the caller: make this number of full steps (backward if negative), and hold
+                                    * there */
+    bool centre_wanted;            /* set by the caller: while holding, bring the piezo to mid-range at the same
+                                    * target */
+    mover_table table;             /* present step sizes, with what was learnt */
     double from, to, amplitude, before, close;
     int64_t tick, count, lost_now, attempts, jogs;
     bool jogging, first;
-    arrival there;                 /* what the readings at the target say */
-    bool noisy;                    /* the noise is large against the tolerance */
-    int direction;                 /* 1 or -1 */
+    arrival there;                 /* statistics of the readings at the target */
+    bool noisy;                    /* true if the sensor's noise is large compared with the tolerance */
+    int direction;                 /* direction of steps, 1 or -1 */
 } mover;
 
-/* The distance [m] of a step of an amplitude [V] in a direction, 1 or -1. */
+/* Return the distance [m] of a step with an amplitude [V] in a direction, 1 or -1. */
 MOVER_API double mover_size(const mover_table *s, double volts, int direction)
 {
     const mover_way *way = &s->ways[direction > 0 ? 0 : 1];
@@ -95,7 +105,7 @@ MOVER_API double mover_size(const mover_table *s, double volts, int direction)
     return way->factor * ((y[k + 1] - y[k]) / (x[k + 1] - x[k]) * (volts - x[k]) + y[k]);
 }
 
-/* The amplitude [V] of a step of a distance [m]; the greatest where none goes so far. */
+/* Return the amplitude [V] of a step over a distance [m]; the largest of the table if no step goes that far. */
 MOVER_API double mover_voltage_for(const mover_table *s, double distance, int direction)
 {
     const mover_way *way = &s->ways[direction > 0 ? 0 : 1];
@@ -111,7 +121,8 @@ MOVER_API double mover_voltage_for(const mover_table *s, double distance, int di
     return x[k - 1] + fmin(fmax(share, 0.0), 1.0) * (x[k] - x[k - 1]);
 }
 
-/* A step of an amplitude [V] went so far [m] in its direction. */
+/* Learn the factor on the step sizes from a step with an amplitude [V] that moved by a distance [m] in its
+ * direction. */
 MOVER_API void mover_learn(mover_table *s, double volts, int direction, double distance)
 {
     mover_way *way = &s->ways[direction > 0 ? 0 : 1];
@@ -132,7 +143,7 @@ MOVER_API void mover_begin(mover *m, const mover_plan *plan)
     arrival_begin(&m->there);
 }
 
-/* From 0 to 1 with the least jerk. */
+/* Return a smooth transition from 0 to 1 for a fraction of time, with minimum jerk. */
 static inline double mover_smooth(double share)
 {
     const double s = fmin(share, 1.0);
@@ -146,7 +157,7 @@ static inline void mover_enter(mover *m, mover_phase phase)
     m->count = 0;
 }
 
-/* The piezo goes to where steps begin. */
+/* Start the return of the piezo to the voltage at which steps start. */
 static inline void mover_return(mover *m)
 {
     m->from = m->voltage;
@@ -154,7 +165,7 @@ static inline void mover_return(mover *m)
     mover_enter(m, MOVER_RETURN);
 }
 
-/* A step or two, after which the piezo is at the goal in the middle of its range. */
+/* Start one or two steps after which the piezo is at the goal near the middle of its range. */
 static inline void mover_centre(mover *m)
 {
     m->close = MOVER_CENTRED;
@@ -162,7 +173,7 @@ static inline void mover_centre(mover *m)
     mover_return(m);
 }
 
-/* What is left of a voltage that slips, after so many updates. */
+/* Return the fraction of a voltage that is left `count` updates after the rise, while it slips. */
 static inline double mover_left(const mover *m, int64_t count)
 {
     return count <= m->plan->slipping ? m->plan->slip[count - 1] : 0.0;
@@ -181,7 +192,7 @@ static inline void mover_scan(mover *m, double measured)
     mover_enter(m, MOVER_SCAN);
 }
 
-/* With the piezo alone if it reaches, else by steps. */
+/* Start the move to the goal: by the piezo alone if its range suffices, else by steps. */
 static inline void mover_go(mover *m, double measured)
 {
     const mover_plan *p = m->plan;
@@ -201,7 +212,7 @@ static inline void mover_go(mover *m, double measured)
         mover_enter(m, MOVER_RECENTRE);
         return;
     }
-    m->direction = needed > p->middle ? 1 : -1; /* the way that is left when the piezo is in the middle */
+    m->direction = needed > p->middle ? 1 : -1; /* direction that remains when the piezo is in the middle */
     mover_return(m);
 }
 
@@ -216,7 +227,7 @@ static inline void mover_take_step(mover *m, double amplitude, double measured)
     m->count = 0;
 }
 
-/* One more step, as far as is missing, or none. */
+/* Start the next step, a full one or one over the missing distance, or end the steps. */
 static inline void mover_next_step(mover *m, double measured)
 {
     const mover_plan *p = m->plan;
@@ -240,7 +251,8 @@ static inline void mover_next_step(mover *m, double measured)
     mover_take_step(m, missing >= full ? p->amplitude : mover_voltage_for(&m->table, missing, m->direction), measured);
 }
 
-/* A step goes slowly by its amplitude and back at once; then it rests. */
+/* Compute the voltage within a step: it changes slowly by the amplitude, returns at once, and pauses. After the step,
+ * count it as lost or learn from it. */
 static inline void mover_stepping(mover *m, double measured)
 {
     const mover_plan *p = m->plan;
@@ -261,17 +273,17 @@ static inline void mover_stepping(mover *m, double measured)
         }
     } else {
         m->lost_now = 0;
-        if (!m->first) /* that of a walk goes short: its contact was bent the other way */
+        if (!m->first) /* the first step of a series is shorter: its bristles were bent in the other direction */
             mover_learn(&m->table, m->amplitude, m->direction, went);
     }
     m->first = false;
     mover_next_step(m, measured);
 }
 
-/* After the pause: the piezo if it reaches, else more steps. */
+/* Continue after the pause: by the piezo if its range suffices, else by more steps. */
 static inline void mover_choose(mover *m, double measured)
 {
-    if (m->jogging) { /* steps end where the piezo has no room to hold */
+    if (m->jogging) { /* after steps, the piezo is at an end of its range and cannot hold */
         m->jogging = false;
         m->goal = measured;
         mover_centre(m);
@@ -280,14 +292,14 @@ static inline void mover_choose(mover *m, double measured)
     }
 }
 
-/* Whether a target moves so little that the piezo just goes along. */
+/* Return true if the target moves so little that the piezo can follow it at once. */
 static inline bool mover_follows(const mover *m, double target)
 {
     const double moved = (target - m->goal) / m->plan->arrival.gain;
     return fabs(moved) <= m->plan->along && mover_within(m, m->voltage + moved);
 }
 
-/* What is new: steps or the middle of the range that are wanted, or another target. */
+/* Take new requests: a number of steps, centring of the piezo, or another target. */
 static inline void mover_hears(mover *m, double measured, double target)
 {
     if (m->steps_wanted != 0) {
@@ -298,7 +310,7 @@ static inline void mover_hears(mover *m, double measured, double target)
         m->settled = false;
         mover_return(m);
     } else if (m->jogging) {
-        ; /* the steps first */
+        ; /* a new target waits until the requested steps are made */
     } else if (m->centre_wanted && m->phase == MOVER_HOLD) {
         m->centre_wanted = m->settled = false;
         mover_centre(m);
@@ -312,8 +324,9 @@ static inline void mover_hears(mover *m, double measured, double target)
     }
 }
 
-/* Decide what an update does, for a measured and a wanted position [m]; `tick` counts the updates. True: the regulator goes
-   to the position `wanted`, and `mover_after` is told its voltage. Else the voltage is `voltage`. After an `error` it stays. */
+/* Decide what an update does, for a measured and a wanted position [m]; `tick` is the number of the update. Return true
+ * if the regulator must move to the position `wanted`, and `mover_after` must be given the regulator's voltage. If
+ * false, the output is `voltage`. After an `error` the voltage stays. */
 MOVER_API bool mover_before(mover *m, double measured, double target, int64_t tick)
 {
     const mover_plan *p = m->plan;
@@ -353,7 +366,8 @@ MOVER_API bool mover_before(mover *m, double measured, double target, int64_t ti
     return false;
 }
 
-/* Take the regulator's voltage [V] over: is it there, and is the range used up? */
+/* Take over the regulator's voltage [V]; test whether the position has arrived, and start again if the piezo's range is
+ * used up. */
 MOVER_API void mover_after(mover *m, double measured, double volts)
 {
     const mover_plan *p = m->plan;

@@ -1,22 +1,23 @@
-/* Neighbours of a trajectory: members that differ a little and take exactly its steps. Included once per size, after
- * `run.inl`.
+/* Neighbours of a trajectory: slightly different plants or states, which are integrated with exactly the trajectory's
+ * steps. Included once per size, after `run.inl`.
  *
- * Their difference, divided by what they differ in, is a derivative. Because steps, cuts and sides of v = 0 are those of
- * the trajectory itself, nothing of the error control is left in it: it is as smooth as the equations, with differences of
- * a millionth, whatever the tolerance. */
+ * The difference of two states, divided by the difference of their causes, is a derivative. Steps, cuts and sides of v
+ * = 0 are those of the trajectory itself, so the error control adds no noise to the derivative. It is as smooth as the
+ * equations, with relative differences of 1e-6, whatever the tolerance. */
 
 #ifndef NEAR_CONSTANTS
 #define NEAR_CONSTANTS
-/* What a neighbour leaves of each step: start and length of its own, then the sampled state at both ends and the continuous
+/* Trace of a step of a neighbour: its start and length, the sampled state at both ends, and the continuous
  * extension. */
 enum { TRACE_START, TRACE_LENGTH, TRACE_OLD, TRACE_NEW, TRACE_ROWS, TRACE = TRACE_ROWS + 3 };
-/* By what part a state is moved beyond its bound, to see whether it is there. */
+/* Fraction by which a state is moved beyond its bound in order to test whether it is on the bound. */
 #define BEYOND_BOUND R(1e-9)
-/* A state that is surely beyond a bound, over one on it. */
+/* Factor on a state at its bound that gives a state which is certainly beyond the bound. */
 #define FAR_BEYOND R(1e3)
 #endif
 
-/* How far the positions that nothing holds have moved, where that is more than `apart`; 0 for all else. */
+/* Set `net` to the displacements of positions without stiffness since `begun`, if they exceed `apart`, and to 0 for all
+ * other states. */
 static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun, real_t apart, real_t *net)
 {
     for (int c = 0; c < STATES(P); c++)
@@ -27,12 +28,12 @@ static void OF(gone)(const struct plant *P, const real_t *q, const real_t *begun
 }
 
 struct OF(neighbours) {
-    const struct stickslip_near *of; /* NULL: there are none */
-    real_t *begun;                   /* [count, states], at the start of the period */
+    const struct stickslip_near *of; /* NULL: there are no neighbours */
+    real_t *begun;                   /* [count, states], states at the start of the period */
     real_t *traces;                  /* [count, rows of the log, TRACE] */
 };
 
-/* The plant, the state, and a trace, of neighbour p. */
+/* Return plant, state and trace of neighbour p. */
 static inline const struct plant *OF(near_plant)(const struct OF(neighbours) *N, int64_t p)
 {
     return &N->of->plants[p];
@@ -48,7 +49,7 @@ static inline real_t *OF(trace)(const struct OF(neighbours) *N, int64_t p, int64
     return N->traces + (p * LOG_ROWS + row) * TRACE;
 }
 
-/* A period begins. */
+/* Store the states of all neighbours at the start of a period. */
 static void OF(mark)(const struct OF(neighbours) *N)
 {
     for (int64_t p = 0; p < N->of->count; p++) {
@@ -57,7 +58,7 @@ static void OF(mark)(const struct OF(neighbours) *N)
     }
 }
 
-/* Start and length of the step of neighbour p: at the same fraction of its own segment. */
+/* Set start and length of a step of neighbour p, at the same fraction of the neighbour's own segment. */
 static void OF(own_step)(const struct table *drive, const struct stickslip_near *near, int64_t p, int64_t i, real_t t,
                          real_t h, real_t *trace)
 {
@@ -76,8 +77,8 @@ static void OF(own_step)(const struct table *drive, const struct stickslip_near 
     trace[TRACE_LENGTH] = h * scale;
 }
 
-/* Puts each internal state of a neighbour on its bound where that of the trajectory, q, is on its own. Beside it, it would
- * pass the bound in the middle of a step, which is not cut for it. */
+/* Put each internal state of a neighbour on its bound if the trajectory's state, q, is on its bound. Otherwise the
+ * neighbour would meet its bound within a step, which is not cut there. */
 static void OF(settle_alike)(const struct plant *P, const real_t *q, const struct plant *own, real_t *other)
 {
     for (int e = 0; e < ELEMENTS(P); e++) {
@@ -97,14 +98,14 @@ static void OF(settle_alike)(const struct plant *P, const real_t *q, const struc
 struct OF(logged) {
     const struct plant *P;
     const real_t *row;
-    int64_t i, j;                    /* segments of drive and load */
+    int64_t i, j;                    /* indices of the segments of drive and load */
     real_t local, fraction;
     struct OF(regime) on;
-    real_t end[ROOM_STATES];         /* of the trajectory */
-    struct OF(step) step;            /* of a neighbour */
+    real_t end[ROOM_STATES];         /* trajectory's state at the end of the step */
+    struct OF(step) step;            /* the step of a neighbour */
 };
 
-/* Takes a logged step with neighbour p. */
+/* Take a logged step with neighbour p. */
 static void OF(take_alike)(struct OF(logged) *L, const struct table *load, const struct OF(neighbours) *N, int64_t p,
                            real_t *trace)
 {
@@ -136,7 +137,7 @@ static void OF(take_alike)(struct OF(logged) *L, const struct table *load, const
     OF(copy)(P, end, q);
 }
 
-/* Takes the logged steps with every neighbour. */
+/* Take the logged steps with each neighbour. */
 static void OF(replay)(const struct OF(walk) *w, const struct OF(neighbours) *N)
 {
     const struct log *log = w->log;
@@ -168,7 +169,7 @@ static void OF(replay)(const struct OF(walk) *w, const struct OF(neighbours) *N)
     }
 }
 
-/* The period repeats so many times. */
+/* Move the neighbours on by their net displacement over a number of repeated periods. */
 static void OF(carry)(const struct OF(neighbours) *N, int64_t periods)
 {
     for (int64_t p = 0; p < N->of->count; p++) {
@@ -180,9 +181,9 @@ static void OF(carry)(const struct OF(neighbours) *N, int64_t periods)
     }
 }
 
-/* Fills the positions of the neighbours up to `t_end` from their traces, read `shift` [s] later, when each has moved on by
- * its own net step so many `periods` long: the period that began with segment `first` of the drive repeats from its segment
- * `now` on. */
+/* Fill the positions of the neighbours up to `t_end` from their traces. The traces are of the period that started with
+ * segment `first` of the drive; the period repeats from segment `now` on, `shift` [s] later, after `periods` periods,
+ * in each of which a neighbour moves on by its own net step. */
 static void OF(read_traces)(const struct OF(reading) *of, const struct OF(neighbours) *N, int64_t first, int64_t now,
                             real_t shift, int64_t periods, real_t t_end)
 {

@@ -1,75 +1,81 @@
-/* Periodic orbits by Newton's method on differences of the map over one period, which is integrated more and more finely.
- * How, and why, is told in `stickslip/solve/periodic.py`; what each constant means, in `newton.py` beside it. */
+/* Periodic orbits by Newton's method on difference quotients of the map over one period, which is integrated more and
+ * more accurately. The method is explained in `stickslip/simulation/periodic.py`. */
 #include <stdlib.h>
 
 #include "engine.h"
 #include "linear.h"
 
-/* Tolerances of an integration over the one asked for: the first, the second, and from one to the next. */
+/* Tolerances of the integrations, over the required one: of the first integration (for bristles, and for static laws),
+ * of the second, the ratio from one to the next, and the least. */
 #define COARSEST R(1000.0)
 #define COARSEST_STATIC R(0.4)
 #define COARSE R(8.0)
 #define FINER R(0.25)
 #define FINEST R(1e-5)
-/* Where the defect does not fall to this part of what it was, derivatives of a coarser integration do not do. */
+/* If the defect does not fall to this fraction of its previous value, derivatives of a coarser integration are computed
+ * again. */
 #define SLOWLY R(0.1)
-/* The error over what a finer integration moves. */
+/* Estimated error of the orbit, over the distance by which the last, finer integration has moved it. */
 #define PER_MOVE R(6.0)
-/* Newton's method may go this many times as far as the motion itself has been. */
+/* Largest step of Newton's method, over the largest state of the motion so far. */
 #define FARTHEST R(4.0)
-/* By how much neighbours differ, m, and over the tolerance where they take steps of their own. */
+/* Difference of neighbours from the trajectory for derivatives: in m for bristles; over the tolerance for static laws,
+ * whose neighbours take steps of their own. */
 #define NUDGE R(1e-12)
 #define NUDGE_STATIC R(1e3)
-/* What a coarser integration may leave of the defect, over its tolerance. */
+/* Fraction of a coarser integration's tolerance below which the defect need not fall further. */
 #define NOISE R(0.1)
-/* What a disturbance changes by in a period, over itself, where an element that does not slip keeps how it began. */
+/* For static laws: relative change of a disturbance in a period below which the disturbance counts as constant, because
+ * its element does not slip. */
 #define KEPT R(1e-5)
-/* Squarings of a map for its largest multiplier. */
+/* Number of squarings of the map's derivative for the largest multiplier: for a rough and for an accurate value. */
 #define ROUGHLY 12
 #define CLOSELY 40
-/* Multipliers above which derivatives of the coarsest integration, or of the last one, will not do. */
+/* Largest modulus of a multiplier up to which derivatives of the coarsest integration, or of an earlier one, can be
+ * used. */
 #define SHORT R(0.5)
 #define LONG R(0.95)
-/* Periods of waiting between the first two attempts, after which an orbit is answered that the motion has not been seen to
- * settle into, and after this many times as long attempts go on from where the last one came. */
+/* PATIENCE: number of periods of plain motion between the first two attempts; it is doubled after each attempt. SOUGHT:
+ * largest number of further periods after the first orbit is found, if the motion has not been seen to settle into it.
+ * ANCHORED: if an attempt's waiting exceeds PATIENCE times this, attempts continue from the result of the last one. */
 #define PATIENCE 20
 #define SOUGHT 500
 #define ANCHORED 16
-/* Of the largest multiplier, which is known to rounding only. */
+/* Largest multiplier of a stable orbit; the multiplier is known up to rounding errors. */
 #define STABLE R(1.00001)
-/* The motion from rest leads to an orbit that is this near, or where a period moves it as the multipliers say, but for this
- * part. */
+/* The motion from rest leads to an orbit if it comes within NEAR times the size of the state, or if a period moves the
+ * state as the multipliers predict, up to the fraction REMAINDER. */
 #define NEAR R(1e-3)
 #define REMAINDER R(0.25)
 #define MOST_STEPS 10000000
 
-/* What is known of an orbit, or of an attempt at it. */
+/* Result of an attempt, or of the search: net step, its error, last correction [m], and largest multiplier. */
 struct best {
     real_t step, error, residual, radius;
 };
 
-/* An orbit that is looked for. Vectors are [n], matrices [n, n]. */
+/* Search for the orbit of member m: its data and workspace. Vectors are [n], matrices [n, n]. */
 struct orbit {
     const struct stickslip_orbits *of;
     const struct plant *plant;
     int64_t m;
     int n;
-    struct plant *beside;           /* [n], the plant again */
-    real_t *states;                 /* [n, n], of neighbours */
+    struct plant *beside;           /* [n], copies of the plant for the neighbours */
+    real_t *states;                 /* [n, n], states of the neighbours */
     real_t *scale, *of_step;
     real_t *r, *q, *aim, *after, *change, *kept, *rest, *defect, *begun;
-    real_t *J, *derivatives, *a, *b; /* J belongs to the caller */
+    real_t *J, *derivatives, *a, *b; /* J is the caller's array */
     int *order;
     real_t *memory;
 };
 
-/* An attempt of Newton's method. */
+/* Outcome of one attempt of Newton's method. */
 struct attempt {
     struct best found;
     int outcome;
     int64_t periods;
-    real_t moved, level;            /* size of the first step; the last tolerance */
-    bool far;                       /* the first step was too far to be taken */
+    real_t moved, level;            /* size of the first step, and the last tolerance, m */
+    bool far;                       /* true if the first step was longer than FARTHEST allows */
 };
 
 static void put(const struct orbit *O, const real_t *from, real_t *to)
@@ -84,7 +90,7 @@ static void move(const struct orbit *O, real_t *r)
         r[c] += O->change[c];
 }
 
-/* The largest entry in metres; infinite where one is no number. */
+/* Return the largest entry of a vector, converted to metres; infinite if an entry is NaN. */
 static real_t size_in(const struct orbit *O, const real_t *r)
 {
     real_t most = R(0.0);
@@ -105,7 +111,8 @@ static real_t apart(const struct orbit *O, const real_t *a, const real_t *b)
     return most;
 }
 
-/* One period from r to `after`, with the first `beside` neighbours. */
+/* Integrate one period from r to `after` at the tolerance `level`, with the first `beside` neighbours; `step` is the
+ * net step. Return an outcome. */
 static int advance(struct orbit *O, const real_t *r, real_t level, int beside, real_t *after, real_t *step)
 {
     const struct stickslip_orbits *of = O->of;
@@ -121,7 +128,7 @@ static int advance(struct orbit *O, const real_t *r, real_t level, int beside, r
     return outcome;
 }
 
-/* As `advance`, with the derivatives of the map and of the step. */
+/* Integrate one period as `advance` does, and compute the derivatives of the map (J) and of the net step (of_step). */
 static int slopes(struct orbit *O, const real_t *r, real_t level, real_t *step)
 {
     int n = O->n, column = (int)O->of->column;
@@ -148,27 +155,30 @@ static int slopes(struct orbit *O, const real_t *r, real_t level, real_t *step)
     return outcome;
 }
 
-/* The integration before this one: its tolerance (infinite: there is none to compare with), defect, the step of the orbit
- * by it, and its residual. */
+/* Results of the previous integration: its tolerance (infinite: there is no integration to compare with), its defect,
+ * the net step of the orbit by it, and its residual. */
 struct before {
     real_t level, gap, step, residual;
 };
 
-/* The error of a step by an integration at `level` that moves the orbit by `moves`, and what it is known to be at least. */
+/* Return the error of a net step by an integration at the tolerance `level` that moves the orbit by `moves`. `least`
+ * and `older` are the last known error and its tolerance; the error cannot fall faster than the root of the
+ * tolerance. */
 static real_t error_of(real_t moves, real_t level, const struct before *before, real_t *least, real_t *older)
 {
     real_t moved_by = PER_MOVE * moves, error = moved_by;
     if (level < before->level) {
         error = r_max(moved_by, *least * r_sqrt(level / *older));
-        bool known = before->residual <= moved_by; /* else it may be Newton's method that was not there yet */
+        /* otherwise the move may come from Newton's method, which had not converged */
+        bool known = before->residual <= moved_by;
         *least = known ? moved_by : R(0.0);
         *older = before->level;
     }
     return error;
 }
 
-/* Newton's method from the state r on, which becomes that of the orbit; `aim`, where its first step led. Where it failed,
- * `aim` becomes where the motion leads from the state before the last step. */
+/* Apply Newton's method from the state r on, and replace r by the state on the orbit. `aim` becomes the result of the
+ * first step; if the method fails later, the result of a period of motion before the last step. */
 static struct attempt newton(struct orbit *O, real_t level, int64_t max_periods)
 {
     const struct stickslip_orbits *of = O->of;
@@ -195,15 +205,16 @@ static struct attempt newton(struct orbit *O, real_t level, int64_t max_periods)
         real_t gap = size_in(O, O->defect), size = size_in(O, O->change), further = R(0.0);
         for (int c = 0; c < O->n; c++)
             further += c != of->column ? O->of_step[c] * O->change[c] : R(0.0);
-        /* Where the multipliers come near 1, the orbit is much further away than one period shows. */
+        /* If a multiplier is near 1, the orbit is much further away than the change in one period. */
         real_t residual = r_max(r_max(gap, size), r_abs(further));
-        bool compared = before.level < none; /* r is the orbit by a coarser integration */
+        /* r is the orbit by a coarser integration, with which this one is compared */
+        bool compared = before.level < none;
         if (compared)
             A.found.error =
                 error_of(r_max(size, r_abs(step + further - before.step)), A.level, &before, &least, &older);
         A.found.residual = residual;
         A.found.step = step;
-        /* An orbit that Newton's method had not reached tells nothing, if another agrees with it. */
+        /* The agreement with an orbit to which Newton's method had not converged proves nothing. */
         bool enough = compared && A.found.error <= tolerance && A.level <= FINER * before.level &&
                       before.residual <= tolerance;
         if (A.outcome == DONE && residual <= tolerance && (enough || A.level < FINEST * tolerance)) {
@@ -221,7 +232,7 @@ static struct attempt newton(struct orbit *O, real_t level, int64_t max_periods)
         largest = r_max(largest, size_in(O, O->after));
         A.far = !(size <= FARTHEST * largest);
         if (A.outcome != DONE || (compared && !falls) || A.far || A.periods >= max_periods) {
-            if (compared) /* on from where the last step began */
+            if (compared) /* continue from the start of the last step */
                 put(O, O->begun, O->aim);
             A.far = A.far && A.moved == none;
             A.outcome = ends_all(A.outcome) ? A.outcome : NOT_FOUND;
@@ -235,14 +246,14 @@ static struct attempt newton(struct orbit *O, real_t level, int64_t max_periods)
             put(O, O->r, O->aim);
             A.moved = size;
         }
-        if (size <= r_max(A.level, tolerance)) /* rounding is all that is seen beyond */
+        if (size <= r_max(A.level, tolerance)) /* further steps would only show rounding errors */
             A.level = r_max(r_min(FINER * A.level, COARSE * tolerance), FINER * FINEST * tolerance);
         fresh = radius > LONG || (derived == first && radius > SHORT) || (slowly && derived > A.level);
     }
 }
 
-/* Whether a period of the motion, from one state to the next, leads to the orbit: it is near, or moves as the derivatives
- * on the orbit say. */
+/* Return true if a period of the motion from `before` to `after` leads to the orbit: it is within `near` of the orbit,
+ * or moves as the derivatives on the orbit predict. */
 static bool leads(const struct orbit *O, const real_t *before, const real_t *after, real_t near)
 {
     real_t largest = R(0.0), off = R(0.0);
@@ -256,16 +267,16 @@ static bool leads(const struct orbit *O, const real_t *before, const real_t *aft
     return apart(O, after, O->kept) <= near || off <= REMAINDER * largest;
 }
 
-/* How the search goes on. */
+/* State of the search. */
 struct search {
     struct best best;
     int outcome;
-    bool found, sure;               /* an orbit; the motion from the start leads to it */
+    bool found, sure;               /* an orbit is found; the motion from the start leads to it */
     real_t near, walked, level;
     int64_t count, most;
 };
 
-/* What an attempt that found an orbit tells. */
+/* Store an orbit that an attempt has found, and judge whether the motion leads to it. */
 static void judge_orbit(struct orbit *O, struct search *S, const struct attempt *A)
 {
     real_t radius = spectral_radius(O->n, O->J, O->scale, CLOSELY, O->a, O->b);
@@ -283,7 +294,7 @@ static void judge_orbit(struct orbit *O, struct search *S, const struct attempt 
         O->derivatives[i] = O->J[i];
 }
 
-/* On as the motion itself goes, which never leads where it would not be. */
+/* Follow the motion itself for `wait` periods, which cannot lead to a wrong orbit. */
 static void wait_for(struct orbit *O, struct search *S, int64_t wait)
 {
     for (; wait > 0 && S->outcome == DONE && !S->sure; wait--) {
@@ -299,7 +310,7 @@ static void wait_for(struct orbit *O, struct search *S, int64_t wait)
     }
 }
 
-/* The orbit into which the motion from the state q settles; q becomes its state. */
+/* Find the orbit into which the motion from the state q settles; replace q by the state on the orbit. */
 static struct search search(struct orbit *O)
 {
     const struct stickslip_orbits *of = O->of;
@@ -331,7 +342,7 @@ static struct search search(struct orbit *O)
         int64_t wait = A.far ? hesitation : patience;
         hesitation *= A.far ? 2 : 1;
         patience *= A.far ? 1 : 2;
-        if (S.level > finer) { /* a coarse first period may lead into another orbit than the motion itself */
+        if (S.level > finer) { /* a coarse first period may lead to another orbit than the motion itself */
             S.outcome = advance(O, O->rest, finer, 0, O->after, &S.walked);
             put(O, O->after, O->q);
             S.count++;
@@ -346,7 +357,7 @@ static struct search search(struct orbit *O)
     }
     if (!S.found || ends_all(S.outcome))
         return S;
-    if (!S.sure) /* what the motion does instead */
+    if (!S.sure) /* the error includes the difference from the net step of the motion */
         S.best.error = r_max(S.best.error, r_abs(S.walked - S.best.step));
     S.outcome = DONE;
     put(O, O->kept, O->q);
@@ -355,7 +366,7 @@ static struct search search(struct orbit *O)
     return S;
 }
 
-/* Room for orbits of n states. Returns whether there is any. */
+/* Allocate workspace for orbits of n states. Return false if there is no memory. */
 static bool make_room(struct orbit *O)
 {
     size_t n = (size_t)O->n;
@@ -375,7 +386,7 @@ static bool make_room(struct orbit *O)
     return true;
 }
 
-/* Finds the orbit of member m. */
+/* Find the orbit of member m, and store the results in the caller's arrays. */
 static void find_member(struct orbit *O, int64_t m)
 {
     const struct stickslip_orbits *of = O->of;

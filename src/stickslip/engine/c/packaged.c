@@ -1,4 +1,4 @@
-/* The laws of the package, translated from Python. */
+/* The package's friction laws, translated from Python. */
 #include "packaged.h"
 
 #include "laws.h"

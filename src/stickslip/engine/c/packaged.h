@@ -1,4 +1,4 @@
-/* The laws of the package, for who knows only their names. */
+/* Access to the package's friction laws by number, for callers that know their names. */
 #ifndef STICKSLIP_PACKAGED_H
 #define STICKSLIP_PACKAGED_H
 
@@ -15,10 +15,10 @@
 #endif
 #endif
 
-/* STICKSLIP_ABI of the headers that the library was built from. */
+/* Return STICKSLIP_ABI, the number of the headers from which the library was built. */
 STICKSLIP_API int32_t stickslip_abi(void);
 
-/* The i-th law; NULL after the last one. */
+/* Return the i-th law; NULL after the last one. */
 STICKSLIP_API const struct law *stickslip_packaged_law(int32_t i);
 
 #endif

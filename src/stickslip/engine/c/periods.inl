@@ -1,33 +1,35 @@
-/* Trajectories of a plant: samples, and periods that repeat. Included once per size, after `run.inl`.
+/* Trajectories of a plant: samples, and repeated periods. Included once per size, after `run.inl`.
  *
- * Under a periodic drive the motion becomes periodic. As soon as two periods begin in the same state, within a small part
- * of the tolerance, those still to come are copies of the last one, moved on by its net step. */
+ * Under a periodic drive the motion becomes periodic. If two successive periods start in the same state, within a small
+ * fraction of the tolerance, the following periods are copies of the last one, moved by its net step. */
 
 #ifndef PERIODS_CONSTANTS
 #define PERIODS_CONSTANTS
-/* Two periods are the same if what their first states differ by, times the periods to come, is below this part of the
- * tolerance. */
+/* Two periods are equal if the difference of their first states, times the number of periods to come, is below this
+ * fraction of the tolerance. */
 #define SAME R(0.02)
-/* Local errors of a careful run, over the tolerance and the decay of a vibration; and the least share of its tolerance. */
+/* Tolerance of a careful run, over the usual tolerance and the decay of a vibration per radian (CREEPING); and its
+ * least value, over the usual tolerance. */
 #define CREEPING (R(2.0) / LOCAL)
 #define LEAST_CAREFUL R(1e-4)
 #endif
 
-/* A whole trajectory: the walk, the reading of its log, and its periods. */
+/* A whole trajectory: the integration, the reading of its log, and its periods. */
 struct OF(journey) {
     struct OF(walk) walk;
     struct OF(reading) read;
     real_t tolerance, t_end;
     struct cycle cycle;
-    int64_t i;              /* segment of the drive with which the next period begins */
-    bool compared;          /* there is a state a period ago to compare with */
-    real_t before[ROOM_STATES], begun[ROOM_STATES]; /* states a period ago, and at the start of this one */
+    int64_t i;              /* index of the segment of the drive with which the next period starts */
+    bool compared;          /* true if `before` contains a state a period ago */
+    real_t before[ROOM_STATES], begun[ROOM_STATES]; /* states a period ago, and at the start of this period */
     real_t *resume;         /* a row of continuation, or NULL */
     struct OF(neighbours) near;
-    bool ending;            /* with more time it might have gone on otherwise: the row is not to be changed */
+    bool ending;            /* true if a later end could have changed the run: the row of continuation must not change
+                             * then */
 };
 
-/* The largest difference of two states, except in the positions that nothing holds, m. */
+/* Return the largest difference of two states, except in positions without stiffness, converted to metres. */
 static real_t OF(drift_apart)(const struct plant *P, const real_t *q, const real_t *other)
 {
     real_t far = R(0.0);
@@ -41,7 +43,8 @@ static real_t OF(drift_apart)(const struct plant *P, const real_t *q, const real
     return far;
 }
 
-/* Whether the motion is the same wherever the bodies that nothing holds are, so that a period may repeat further on. */
+/* Return true if the motion does not depend on the positions without stiffness, so that a period can repeat at another
+ * place. */
 static bool OF(same_anywhere)(const struct plant *P)
 {
     for (int e = 0; e < ELEMENTS(P); e++) {
@@ -52,8 +55,8 @@ static bool OF(same_anywhere)(const struct plant *P)
     return true;
 }
 
-/* By what part a vibration on the bristles of a contact that sticks decays within a radian, at least; 1 within the time
- * `lasts` [s]. */
+/* Return the least decay per radian of a vibration on the bristles of a sticking contact; at least the decay by e
+ * within the time `lasts` [s], at most 1. */
 static real_t OF(decay)(const struct plant *P, real_t lasts)
 {
     real_t least = R(1.0);
@@ -75,16 +78,16 @@ static real_t OF(decay)(const struct plant *P, real_t lasts)
     return least;
 }
 
-/* The tolerance for steps that do not lose small vibrations of contacts that stick. Under a load a contact creeps by up to
- * 2/pi times the amplitude of a vibration per radian (docs/decisions/error-estimate.md): one that hardly decays moves it
- * far, though it is small itself. */
+/* Return the tolerance for steps that resolve small vibrations of sticking contacts. Under a load, a contact creeps by
+ * up to 2/pi times the amplitude of a vibration per radian (docs/decisions/error-estimate.md). A small vibration with
+ * little decay so moves the contact far. */
 static real_t OF(careful_tolerance)(const struct plant *P, real_t lasts, real_t tolerance)
 {
     return tolerance * r_min(R(1.0), r_max(CREEPING * OF(decay)(P, lasts), LEAST_CAREFUL));
 }
 
-/* Reads what the log holds of the period that began with segment `first` of the drive, for times up to `t_end`, `shift` [s]
- * later, `periods` periods later, and `move` further on. */
+/* Read the log of the period that started with segment `first` of the drive, and fill samples up to `t_end`. The log
+ * applies to a period `shift` [s] later, `periods` periods later, in which the state is moved by `move`. */
 static void OF(read)(struct OF(journey) *J, int64_t first, real_t shift, int64_t periods, const real_t *move, real_t t_end)
 {
     if (WATCHED(J->near.of != NULL))
@@ -95,8 +98,8 @@ static void OF(read)(struct OF(journey) *J, int64_t first, real_t shift, int64_t
         OF(read_samples)(&J->read, shift, move, t_end);
 }
 
-/* Integrates to `stop`, and reads the log as often as it is full. Returns an outcome, and in `flushed` whether the log does
- * not hold it all. */
+/* Integrate to `stop`; read and empty the log whenever it is full. Return an outcome; `flushed` is true if the log does
+ * not contain the whole span. */
 static int OF(run_and_read)(struct OF(journey) *J, real_t stop, bool *flushed)
 {
     real_t still[ROOM_STATES] = {0};
@@ -114,8 +117,9 @@ static int OF(run_and_read)(struct OF(journey) *J, real_t stop, bool *flushed)
     }
 }
 
-/* Copies the last period `left` times. What is left of a transient, which makes it differ by `apart` from the one before, is
- * no step: a contact that sticks does not creep by it. With neighbours it is one, or derivatives would jump. */
+/* Copy the last period `left` times. A displacement that may be the rest of a transient, by which the period differs
+ * from the previous one (`apart`), is not repeated: a sticking contact does not creep by it. With neighbours it is
+ * repeated, because derivatives must not jump. */
 static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t apart, real_t period_start)
 {
     struct OF(walk) *w = &J->walk;
@@ -139,7 +143,7 @@ static void OF(copy_periods)(struct OF(journey) *J, int64_t left, real_t apart, 
     J->ending = true;
 }
 
-/* After a whole period: copies it as often as it repeats. */
+/* Finish a whole period; if the drive repeats it and the motion is periodic, copy it. */
 static void OF(end_period)(struct OF(journey) *J, real_t period_start, real_t stop, bool flushed)
 {
     struct OF(walk) *w = &J->walk;
@@ -147,7 +151,7 @@ static void OF(end_period)(struct OF(journey) *J, real_t period_start, real_t st
     J->i += J->cycle.segments;
     if (J->compared && !flushed) {
         int64_t left = count_repeats(drive, w->load, J->i, J->cycle, stop - period_start, J->t_end);
-        /* With more time it might have gone on otherwise, unless the drive changes here. */
+        /* A later end could have changed the run, unless the drive changes here. */
         bool last = table_next_break(drive, J->i + J->cycle.segments - 1, J->t_end) >= J->t_end;
         J->ending = J->ending || (left == 0 && last);
         real_t apart = OF(drift_apart)(w->P, w->q, J->before);
@@ -158,7 +162,7 @@ static void OF(end_period)(struct OF(journey) *J, real_t period_start, real_t st
     OF(copy)(w->P, w->q, J->before);
 }
 
-/* Follows the trajectory to its end, period by period where drive and load repeat. Returns an outcome. */
+/* Integrate the trajectory to its end, period by period where drive and load repeat. Return an outcome. */
 static int OF(follow)(struct OF(journey) *J)
 {
     struct OF(walk) *w = &J->walk;
@@ -183,7 +187,7 @@ static int OF(follow)(struct OF(journey) *J)
     return DONE;
 }
 
-/* Starts where the row of continuation says. */
+/* Continue from the row of continuation. */
 static void OF(take_up)(struct OF(journey) *J)
 {
     struct OF(walk) *w = &J->walk;
@@ -197,7 +201,7 @@ static void OF(take_up)(struct OF(journey) *J)
     OF(copy)(w->P, states + STATES(w->P), J->before);
 }
 
-/* Puts a trajectory to its start: that of the task, or where it is taken up again. */
+/* Set the start of a trajectory: from the task, or from the row of continuation. */
 static void OF(depart)(struct OF(journey) *J)
 {
     struct OF(walk) *w = &J->walk;
@@ -219,7 +223,7 @@ static void OF(depart)(struct OF(journey) *J)
     w->resume = J->cycle.segments > 0 ? NULL : J->resume;
 }
 
-/* Follows the task's trajectory; J is zero but for its neighbours. Returns an outcome. */
+/* Integrate the task's trajectory; J must be zero except for its neighbours. Return an outcome. */
 static int OF(travel)(struct OF(journey) *J, struct log *log, const struct stickslip_task *task,
                       struct stickslip_result *result)
 {
@@ -246,18 +250,18 @@ static int OF(travel)(struct OF(journey) *J, struct log *log, const struct stick
     return outcome == DONE && J->read.no_number ? NO_NUMBER : outcome;
 }
 
-#ifndef STICKSLIP_GPU /* where each thread has room of its own */
-/* Makes room for neighbours. Returns whether there is any. */
+#ifndef STICKSLIP_GPU /* on a GPU, each thread has memory of its own */
+/* Allocate memory for neighbours. Return false if there is none. */
 static bool OF(make_room)(struct OF(neighbours) *N, const struct stickslip_near *near, int64_t states)
 {
-    size_t count = (size_t)near->count + 1; /* of none there is room too */
+    size_t count = (size_t)near->count + 1; /* not 0, because malloc(0) may return NULL */
     N->of = near;
     N->begun = malloc(count * (size_t)states * sizeof *N->begun);
     N->traces = malloc(count * LOG_ROWS * TRACE * sizeof *N->traces);
     return N->begun != NULL && N->traces != NULL;
 }
 
-/* One trajectory, with neighbours or NULL; see `stickslip_integrate`. */
+/* Integrate one trajectory, with neighbours or NULL; see `stickslip_integrate`. */
 static int OF(integrate)(const struct stickslip_task *task, const struct stickslip_near *near,
                          struct stickslip_result *result)
 {

@@ -1,53 +1,56 @@
-/* What a piezo makes of a drive: play operators with dead zones, creep, hysteresis of Duhem's form. What Python calls.
+/* Effects of a piezo on a drive: play operators with dead zones, creep, hysteresis of Duhem's form. Functions for
+ * Python.
  *
- * On samples, and on the segment tables of drives (see `table.h`), of which these make the segments of the free stroke.
- * Functions that fill rows give how many there are, or -1 if there is no room for them. */
+ * They work on samples, or on the segment tables of drives (see `table.h`), from which they compute the segments of the
+ * free stroke. Functions that fill rows return the number of rows, or -1 if there is no room. */
 #ifndef STICKSLIP_PIEZO_H
 #define STICKSLIP_PIEZO_H
 
 #include "engine.h"
 
-/* H[u] of `stickslip/physics/piezo/operators.py`: plays of half-width `threshold` [V] and share `weight`, and dead zones that end
- * at `zone` [V], ascending, with the share `slope` beyond, and what plays see more there, `skew`. */
+/* Operator H[u] of `stickslip/physics/piezo/operators.py`: plays with the half-width `threshold` [V] and the weight
+ * `weight`; dead zones that end at `zone` [V], ascending, beyond which H has the additional slope `slope`, and the
+ * input of the plays the additional slope `skew`. */
 struct plays {
     int64_t plays, zones;
     const real_t *threshold, *weight;   /* [plays] */
     const real_t *zone, *slope, *skew;  /* [zones] */
 };
 
-/* First-order lags: creep. */
+/* First-order lags of creep: time constant `tau` and share of each. */
 struct lags {
     int64_t count;
     const real_t *tau;              /* [count], s */
     const real_t *share;            /* [count] */
 };
 
-/* A kind of hysteresis dh/du = slope(p, u, h, up), H = u - h [V], of `stickslip/physics/piezo/duhem.py`. `p` points to the
- * numbers of its record in Python. */
+/* Hysteresis of the kind dh/du = slope(p, u, h, up), H = u - h [V], of `stickslip/physics/piezo/duhem.py`. `p` points
+ * to the numbers of the model's record in Python; `up` is 1 for a rising and -1 for a falling drive. */
 typedef real_t duhem_slope_fn(const real_t *p, real_t u, real_t h, real_t up);
 
-/* h after a way from u to the goal, in closed form. */
+/* h after a monotone way of the drive from u to the goal, in closed form. */
 typedef real_t duhem_way_fn(const real_t *p, real_t h, real_t u, real_t goal);
 
-/* Where h comes to 0 on that way, and the slope jumps; the goal if nowhere. */
+/* Drive value on this way at which h is 0 and the slope jumps; the goal if there is none. */
 typedef real_t duhem_corner_fn(const real_t *p, real_t h, real_t u, real_t goal);
 
 struct duhem {
-    const char *name;               /* of its record in Python */
+    const char *name;               /* name of the record in Python */
     int parameters;                 /* length of p */
     duhem_slope_fn *slope;
-    duhem_way_fn *way;              /* NULL: the slope is integrated */
-    duhem_corner_fn *corner;        /* NULL: it jumps nowhere */
+    duhem_way_fn *way;              /* NULL: the slope is integrated numerically */
+    duhem_corner_fn *corner;        /* NULL: the slope has no jump */
 };
 
 struct duhem_model {
     const struct duhem *of;
     const real_t *parameters;
-    real_t exact;                   /* V, of h over one step of integration */
-    const volatile int32_t *stop;   /* given up once this is not 0; or NULL */
+    real_t exact;                   /* allowed error of h in one step of the integration, V */
+    const volatile int32_t *stop;   /* the computation is stopped as soon as this is not 0; or NULL */
 };
 
-/* What segments become: from `start` [s] on, level + slope (u(t) - u(start)) of the segment `source`. */
+/* Pieces of the output for a drive: from `start` [s] on, level + slope (u(t) - u(start)), where u is segment `source`
+ * of the drive. */
 struct pieces {
     int64_t room;
     real_t *start;
@@ -55,7 +58,7 @@ struct pieces {
     real_t *slope, *level;
 };
 
-/* What is added to segments: cubics, from `start` [s] on, to the segment `source`. */
+/* Cubics that are added to segments: from `start` [s] on, to the segment `source`. */
 struct cubics {
     int64_t room;
     real_t *start;
@@ -63,55 +66,57 @@ struct cubics {
     real_t (*cubic)[4];
 };
 
-/* What plays see of the drive value u, and the drive value of which they see v. */
+/* Return the plays' input for a drive value u; and the drive value for which the plays' input is v. */
 STICKSLIP_API real_t stickslip_plays_skewed(const struct plays *of, real_t u);
 STICKSLIP_API real_t stickslip_plays_unskewed(const struct plays *of, real_t v);
 
-/* H at each sample of a drive, from the states z [plays], which are left as they are at the end. */
+/* Compute H at each sample of a drive. `z` [plays] are the initial states, and are replaced by those at the end. */
 STICKSLIP_API void stickslip_plays_response(const struct plays *of, int64_t count, const real_t *drive, real_t *z,
                                             real_t *out);
 
-/* The state of each play at each sample, out[sample][play]. */
+/* Compute the state of each play at each sample, out[sample][play]; z as for the response. */
 STICKSLIP_API void stickslip_plays_states(const struct plays *of, int64_t count, const real_t *drive, real_t *z,
                                           real_t *out);
 
-/* The drive at which H is as wanted at each sample, from the drive u and the states z on; NaN where none gives it. */
+/* Compute the drive for which H has the wanted value at each sample, starting from the drive u and the states z, which
+ * are updated; NaN if there is none. */
 STICKSLIP_API void stickslip_plays_inverse(const struct plays *of, int64_t count, const real_t *wanted, real_t u, real_t *z,
                                            real_t *out);
 
-/* Fills the pieces of a drive up to `end` [s]; z are the states before, and at the end those then. */
+/* Fill the pieces for a drive up to `end` [s]; z are the initial states, and are replaced by those at the end. */
 STICKSLIP_API int64_t stickslip_plays_split(const struct plays *of, const struct table *drive, real_t end, real_t *z,
                                             const struct pieces *pieces);
 
-/* The lags of what is joined by lines, exactly: out[sample][lag], from the states x [lags] on, which are left as they are
- * at the end. */
+/* Compute the lags of a signal that is linear between samples, exactly: out[sample][lag]. x [lags] are the initial
+ * states, and are replaced by those at the end. */
 STICKSLIP_API void stickslip_lags_relaxed(const struct lags *of, int64_t count, const real_t *times, const real_t *values,
                                           real_t *x, real_t *out);
 
-/* What creeps into `values` at the times: h of h + sum of shares x lags of h, joined by lines, from the states x on. */
+/* Remove creep from `values`: compute h, linear between the times, for which h plus the sum of shares times lags of h
+ * has these values. x are the initial states, and are updated. */
 STICKSLIP_API void stickslip_lags_undone(const struct lags *of, int64_t count, const real_t *times, const real_t *values,
                                          real_t *x, real_t *out);
 
-/* Fills the cubics of what creep adds to the polynomials of a drive up to `end` [s], off by at most `most` [V]; x are the
- * states at the start, and at the end those then. The creep of harmonics is left to the caller. */
+/* Fill the cubics of the creep of a drive's polynomials up to `end` [s], with an error of at most `most` [V]. x are the
+ * initial states, and are replaced by those at the end. The creep of the drive's harmonics is left to the caller. */
 STICKSLIP_API int64_t stickslip_lags_cubics(const struct lags *of, const struct table *drive, real_t end, real_t *x,
                                             real_t most, const struct cubics *cubics);
 
-/* H at each sample of a drive, from the drive u and the state h on. */
+/* Compute H at each sample of a drive, starting from the drive u and the state h. */
 STICKSLIP_API void stickslip_duhem_response(const struct duhem_model *of, int64_t count, const real_t *drive, real_t u,
                                             real_t h, real_t *out);
 
-/* The drive at which H is as wanted at each sample, from the drive u and the state h on; H must grow with u by the slope
- * `least` at least. */
+/* Compute the drive for which H has the wanted value at each sample, starting from the drive u and the state h. The
+ * slope of H by u must be at least `least` > 0. */
 STICKSLIP_API void stickslip_duhem_inverse(const struct duhem_model *of, int64_t count, const real_t *wanted, real_t u,
                                            real_t h, real_t least, real_t *out);
 
-/* Fills the cubics of -h of a drive up to `end` [s], off by at most `most` [V]; state: (u, h) before, and those at the end
- * then. */
+/* Fill the cubics of -h for a drive up to `end` [s], with an error of at most `most` [V]. `state` is (u, h) at the
+ * start, and is replaced by the values at the end. */
 STICKSLIP_API int64_t stickslip_duhem_cubics(const struct duhem_model *of, const struct table *drive, real_t end,
                                              real_t *state, real_t most, const struct cubics *cubics);
 
-/* The i-th kind of the package; NULL after the last one. */
+/* Return the i-th kind of hysteresis of the package; NULL after the last one. */
 STICKSLIP_API const struct duhem *stickslip_packaged_duhem(int32_t i);
 
 #endif

@@ -1,5 +1,5 @@
-/* The engine for plants of PLAIN_MODES modes and PLAIN_ELEMENTS contacts, whose normal force does not vary: bristles with
- * one state each (PLAIN_BRISTLES 1), or all with static laws (0). */
+/* Instance of the engine for plants of PLAIN_MODES modes and PLAIN_ELEMENTS contacts with a constant normal force:
+ * bristles with one state each (PLAIN_BRISTLES 1), or all with static laws (PLAIN_BRISTLES 0). */
 #define PLAIN_NAME_(name, modes, elements, bristles) name##_##modes##_##elements##_##bristles
 #define PLAIN_NAME(name, modes, elements, bristles) PLAIN_NAME_(name, modes, elements, bristles)
 #define OF(name) PLAIN_NAME(name, PLAIN_MODES, PLAIN_ELEMENTS, PLAIN_BRISTLES)

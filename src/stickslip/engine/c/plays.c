@@ -1,5 +1,5 @@
-/* Play operators on samples, and on the segments of a drive: exactly, for H is a straight line in u between its corners.
- * Each segment becomes some of the same formula, times the slope there, plus a level. */
+/* Play operators on samples, and on the segments of a drive, without approximation: H is linear in u between its
+ * corners. Each segment of the drive becomes pieces of the same formula, times H's slope, plus a level. */
 #include "plays.h"
 
 #include "ways.h"
@@ -40,13 +40,14 @@ STICKSLIP_API void stickslip_plays_inverse(const struct plays *of, int64_t count
         out[k] = u = plays_solved(of, u, z, wanted[k]);
 }
 
-/* Where the way of a drive is: the instant, the drive value there, and the number of pieces before. */
+/* Present point on a segment of the drive: the time [s], the drive value there, and the number of pieces so far. */
 struct way {
     real_t at, u;
     int64_t count;
 };
 
-/* One way of segment i, until the instant `to`, cut at the corners of H. False if there is no room for its pieces. */
+/* Fill the pieces of one monotone way of segment i, up to the time `to`, cut at the corners of H. Return false if there
+ * is no room. */
 static bool split_way(const struct plays *of, const struct table *drive, int64_t i, real_t to, real_t *z, struct way *way,
                       const struct pieces *pieces)
 {

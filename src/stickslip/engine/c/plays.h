@@ -1,15 +1,17 @@
-/* Play operators and dead zones on values of a drive. Both sums grow with u on each way; between the points where a play
- * is taken along, or a dead zone ends, H is a straight line. The equations of one are in `piezo_laws.h`. */
+/* Play operators and dead zones on values of a drive. H grows with u on each monotone way. H is linear in u between its
+ * corners, where a play starts to move or a dead zone ends. The equations of one play are in `piezo_laws.h`. */
 #ifndef STICKSLIP_PLAYS_H
 #define STICKSLIP_PLAYS_H
 
 #include "piezo.h"
 #include "piezo_laws.h"
 
-#define PLAYS_ROUNDING R(1e-13)  /* relative; a play that is nearer to its edge than that is on it */
-#define PLAYS_MOST_CORNERS 2000  /* on one way, each of which is passed once; against loops without an end */
+/* Relative rounding error: a play that is nearer to its edge counts as moving. */
+#define PLAYS_ROUNDING R(1e-13)
+/* Largest number of corners on one way, against endless loops; each corner is passed once. */
+#define PLAYS_MOST_CORNERS 2000
 
-/* What the plays see of the drive value u. */
+/* Return the plays' input for the drive value u. */
 static inline real_t plays_skewed(const struct plays *of, real_t u)
 {
     real_t v = u;
@@ -18,13 +20,13 @@ static inline real_t plays_skewed(const struct plays *of, real_t u)
     return v;
 }
 
-/* The drive value of which plays see v. */
+/* Return the drive value for which the plays' input is v. */
 static inline real_t plays_unskewed(const struct plays *of, real_t v)
 {
     if (of->zones == 0)
         return v;
     real_t corner = of->zone[0];
-    real_t at = plays_skewed(of, corner), slope = R(1.0); /* v there, and dv/du until there */
+    real_t at = plays_skewed(of, corner), slope = R(1.0); /* input at the corner, and its slope by u below the corner */
     real_t u = corner + (v - at);
     for (int64_t j = 0; j < of->zones; j++) {
         at += slope * (of->zone[j] - corner);
@@ -36,7 +38,7 @@ static inline real_t plays_unskewed(const struct plays *of, real_t v)
     return u;
 }
 
-/* The plays' states for the drive value u; in place. */
+/* Update the plays' states for the drive value u. */
 static inline void plays_taken_along(const struct plays *of, real_t u, real_t *z)
 {
     real_t v = plays_skewed(of, u);
@@ -44,7 +46,7 @@ static inline void plays_taken_along(const struct plays *of, real_t u, real_t *z
         z[i] = ss_play(v, of->threshold[i], z[i]);
 }
 
-/* H [V] for the drive value u and the states z. */
+/* Return H [V] for the drive value u and the states z. */
 static inline real_t plays_output(const struct plays *of, real_t u, const real_t *z)
 {
     real_t total = R(0.0);
@@ -55,7 +57,7 @@ static inline real_t plays_output(const struct plays *of, real_t u, const real_t
     return total;
 }
 
-/* The greatest number that v is a sum of, apart from itself. */
+/* Return the largest number in the sum that gives the plays' input, apart from u itself. */
 static inline real_t plays_furthest(const struct plays *of)
 {
     real_t furthest = R(0.0);
@@ -64,15 +66,15 @@ static inline real_t plays_furthest(const struct plays *of)
     return furthest;
 }
 
-/* Whether what play i sees has to go on from v, in the direction `up`, until it is taken along: by more than the rounding
- * of the greatest number that v is a sum of. */
+/* Return true if play i does not move yet at the input v, in the direction `up` (1 or -1): its edge is further away
+ * than the rounding of the numbers in the sum. */
 static inline bool plays_lacking(const struct plays *of, real_t v, const real_t *z, int64_t i, real_t up, real_t furthest)
 {
     real_t r = of->threshold[i];
     return up * (z[i] - v) + r > PLAYS_ROUNDING * (r_abs(v) + r + furthest);
 }
 
-/* The next drive value beyond u, in the direction `up` (1 or -1), at which H bends; infinite if there is none. */
+/* Return the next corner of H beyond the drive value u, in the direction `up` (1 or -1); infinite if there is none. */
 static inline real_t plays_next_corner(const struct plays *of, real_t u, const real_t *z, real_t up)
 {
     real_t v = plays_skewed(of, u), furthest = plays_furthest(of), nearest = R(INFINITY);
@@ -86,7 +88,7 @@ static inline real_t plays_next_corner(const struct plays *of, real_t u, const r
     return up * corner;
 }
 
-/* dH/du just beyond u. */
+/* Return dH/du just beyond u, in the direction `up`. */
 static inline real_t plays_steepness(const struct plays *of, real_t u, const real_t *z, real_t up)
 {
     real_t along = R(0.0), beside = R(0.0), share = R(1.0);
@@ -103,7 +105,8 @@ static inline real_t plays_steepness(const struct plays *of, real_t u, const rea
     return along * share + beside;
 }
 
-/* The drive value for which H is as wanted, from u and the states z, which are taken along; NaN where none gives it. */
+/* Return the drive value for which H has the wanted value, starting from u and the states z, which are updated; NaN if
+ * there is none. */
 static inline real_t plays_solved(const struct plays *of, real_t u, real_t *z, real_t wanted)
 {
     real_t missing = wanted - plays_output(of, u, z);

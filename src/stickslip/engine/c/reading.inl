@@ -1,13 +1,13 @@
-/* Samples and the work of the drive, read from the log. Included once per size, after `run.inl`. Steps are chosen without
- * looking at the sample times: samples cost no steps and change none. */
+/* Samples, and the work of the drive, read from the log of steps. Included once per size, after `run.inl`. Steps do not
+ * depend on the sample times: samples cost no steps and change none. */
 
-/* The states of a logged step. */
+/* Return the states in the row of a logged step. */
 static inline const real_t *OF(logged_states)(const struct plant *P, const real_t *row)
 {
     return row + LOG_SIDES + ELEMENTS(P) + OF(branches)(P);
 }
 
-/* The state at a fraction of a logged step. */
+/* Compute the state at a fraction theta of a logged step. */
 static inline void OF(logged_at)(const struct plant *P, const real_t *row, real_t theta, real_t *out)
 {
     const real_t *states = OF(logged_states)(P, row);
@@ -19,22 +19,22 @@ static inline void OF(logged_at)(const struct plant *P, const real_t *row, real_
     }
 }
 
-/* Where a log is read: the plant, drive and load, and what is to be filled. */
+/* Reading of a log: the plant, drive and load, and the arrays to fill. */
 struct OF(reading) {
     const struct plant *P;
     const struct table *drive, *load;
     const struct log *log;
-    const real_t *times;    /* s, ascending */
-    int64_t count, next;    /* number of times; the first that is not filled yet */
-    int columns;            /* of `samples` */
+    const real_t *times;    /* times of the samples, s, ascending */
+    int64_t count, next;    /* number of times; index of the first one that is not filled yet */
+    int columns;            /* number of columns of `samples` */
     real_t *samples;        /* [count, columns]: states, then outputs of the elements */
     real_t *account;        /* [count, TERMS], or NULL */
-    bool no_number;         /* a sample has one that is infinite or no number */
-    real_t work[TERMS];     /* up to now */
+    bool no_number;         /* true if a sample contains infinity or NaN */
+    real_t work[TERMS];     /* integrals up to now, see `add_work` */
 };
 
-/* Fills the sample at time t from a row of the log. i, j: segments of drive and load that hold t; own, loaded: those in
- * which the step lies. */
+/* Fill the sample at the time t from a row of the log. i, j: segments of drive and load that contain t; own, loaded:
+ * segments in which the step lies. */
 static void OF(sample)(const struct OF(reading) *of, const real_t *row, real_t shift, const real_t *move, real_t t,
                        int64_t i, int64_t j, int64_t own, int64_t loaded, real_t *out)
 {
@@ -73,8 +73,8 @@ static inline void OF(advance_segment)(const struct table *table, real_t t, int6
         (*i)++;
 }
 
-/* Fills the samples up to `t_end` from the log, `shift` [s] later and `move` further on; where drive or load break, those
- * after it. */
+/* Fill the samples up to `t_end` from the log, for a period `shift` [s] later and displaced by `move`. At a jump of
+ * drive or load, the sample has the values after it. */
 static void OF(read_samples)(struct OF(reading) *of, real_t shift, const real_t *move, real_t t_end)
 {
     int row = 0;
@@ -84,7 +84,7 @@ static void OF(read_samples)(struct OF(reading) *of, real_t shift, const real_t 
         while (row + 1 < of->log->filled && t - shift > log_row(of->log, row)[LOG_END])
             row++;
         const real_t *step = log_row(of->log, row);
-        /* Of the segments in which the step lies: a sample at its end may be of the next ones. */
+        /* The middle of the step lies in the step's segments; a sample at its end may belong to the next ones. */
         real_t inside = R(0.5) * (step[LOG_START] + step[LOG_END]) + shift;
         OF(advance_segment)(of->drive, t, &i);
         OF(advance_segment)(of->load, t, &j);
@@ -97,8 +97,9 @@ static void OF(read_samples)(struct OF(reading) *of, real_t shift, const real_t 
     }
 }
 
-/* Adds a part of a step to the account, by Gauss-Legendre quadrature on its continuous extension, per unit of mass for the
- * first two: the integrals of sum b_m u q'_m, of sum c_m q'_m^2, of sum f_e s_e, and of sum f_e q'_last. */
+/* Add a part of a step to the account, by Gauss-Legendre quadrature on the continuous extension: the integrals of sum
+ * b_m u q'_m and of sum c_m q'_m^2 (both per unit of mass), of sum f_e s_e (output times input of the elements), and of
+ * sum f_e q'_last. */
 static void OF(add_work)(struct OF(reading) *of, const real_t *row, real_t shift, real_t low, real_t high, int64_t i,
                          int64_t j)
 {
@@ -126,7 +127,7 @@ static void OF(add_work)(struct OF(reading) *of, const real_t *row, real_t shift
     }
 }
 
-/* Adds the work of a step from a fraction of it on, if there is more. */
+/* Add the work of a step from the fraction `done` to the fraction theta, if theta is larger. */
 static void OF(work_until)(struct OF(reading) *of, const real_t *row, real_t shift, real_t theta, real_t *done, int64_t i,
                            int64_t j)
 {
@@ -136,7 +137,7 @@ static void OF(work_until)(struct OF(reading) *of, const real_t *row, real_t shi
     }
 }
 
-/* Fills the account of the drive's work at the samples from number `k` on, up to `t_end`. */
+/* Fill the account of the drive's work at the samples from the next one on, up to `t_end`. */
 static void OF(read_account)(struct OF(reading) *of, real_t shift, real_t t_end)
 {
     int64_t i = 0, j = 0, k = of->next;
@@ -148,7 +149,7 @@ static void OF(read_account)(struct OF(reading) *of, real_t shift, real_t t_end)
         real_t inside = start + R(0.5) * (row[LOG_END] - row[LOG_START]);
         OF(advance_segment)(of->drive, inside, &i);
         OF(advance_segment)(of->load, inside, &j);
-        /* The last step ends where the period does, whatever the shift is rounded to. */
+        /* The last step ends at the end of the period, however the shift is rounded. */
         real_t stop = r + 1 == of->log->filled ? t_end : r_min(row[LOG_END] + shift, t_end);
         for (; k < of->count && of->times[k] <= stop; k++) {
             OF(work_until)(of, row, shift, (of->times[k] - start) / h, &done, i, j);

@@ -1,21 +1,21 @@
-/* Periods of drive and load: how many segments make one, and how often they repeat. */
+/* Periods of drive and load: the number of segments in a period, and the number of repetitions. */
 #ifndef STICKSLIP_REPEATS_H
 #define STICKSLIP_REPEATS_H
 
 #include "table.h"
 
-/* By what part of a period two instants may differ that are the same but for rounding. */
+/* Fraction of a period by which two equal times may differ because of rounding. */
 #define SAME_TIME R(1e-9)
-/* Most segments of a period. */
+/* Largest number of segments in a period. */
 #define LONGEST_CYCLE 64
 
-/* A period: its segments of the drive, the one with which the first such period begins, its segments of the load (0: the
- * load is constant). All are 0 where drive and load do not repeat together. */
+/* A period: its number of segments of the drive, the segment with which the first period starts, and its number of
+ * segments of the load (0: the load is constant). All are 0 if drive and load do not repeat together. */
 struct cycle {
     int64_t segments, first, of_load;
 };
 
-/* Whether two segments follow the same formula. */
+/* Return true if two segments have the same formula. */
 static inline bool segments_alike(const struct table *table, int64_t i, int64_t j)
 {
     int64_t count = table->first[i + 1] - table->first[i];
@@ -31,8 +31,8 @@ static inline bool segments_alike(const struct table *table, int64_t i, int64_t 
     return true;
 }
 
-/* Whether `count` segments from i on follow the formulas of those `cycle` segments before, each a period later. Formulas
- * alone do not tell: pulses of another width have the same. */
+/* Return true if `count` segments from i on have the formulas of those `cycle` segments before, and start a period
+ * later. The times must be compared, too: pulses of different width have the same formulas. */
 static inline bool table_repeats(const struct table *table, int64_t i, int64_t count, int64_t cycle)
 {
     const real_t *start = table->start;
@@ -43,7 +43,7 @@ static inline bool table_repeats(const struct table *table, int64_t i, int64_t c
     return true;
 }
 
-/* Whether the segments after the first `cycle` ones from `begin` on are like these. */
+/* Return true if the segments after the first `cycle` ones from `begin` on repeat these. */
 static inline bool table_is_periodic(const struct table *table, int64_t begin, int64_t cycle)
 {
     int64_t i = begin + cycle, left = table->segments - i;
@@ -57,8 +57,8 @@ static inline bool table_is_constant(const struct table *table)
     return table->segments == 1 && table->first[1] == 0 && flat;
 }
 
-/* Whether a segment of the load begins with segment i of the drive, but for rounding: 1 if that is segment j, -1 if it is
- * the next one, which begins a moment later; else 0. */
+/* Compare the start of segment i of the drive with the load, up to rounding. Return 1 if segment j of the load starts
+ * there, -1 if the next one does (a moment later), 0 if none does. */
 static inline int table_meets(const struct table *drive, const struct table *load, int64_t i, int64_t j, real_t period)
 {
     real_t t = drive->start[i];
@@ -69,7 +69,7 @@ static inline int table_meets(const struct table *drive, const struct table *loa
     return j + 1 < load->segments && load->start[j + 1] - t <= SAME_TIME * period ? -1 : 0;
 }
 
-/* How many segments of the load make a period of the drive; 0 if the load does not repeat with it. */
+/* Return the number of segments of the load in a period of the drive; 0 if the load does not repeat with it. */
 static inline int64_t cycle_of_load(const struct table *drive, const struct table *load, int64_t begin, int64_t cycle)
 {
     real_t period = drive->start[begin + cycle] - drive->start[begin];
@@ -81,8 +81,8 @@ static inline int64_t cycle_of_load(const struct table *drive, const struct tabl
     return table_meets(drive, load, begin + cycle, after, period) == met ? count : 0;
 }
 
-/* The period of drive and load. Behind a piezo with hysteresis the first period is unlike the others: the second begins
- * with a jump, or within the segments of a period. */
+/* Return the period of drive and load. It may start later than the drive: behind a piezo with hysteresis, the first
+ * period differs from the others, and the second starts with a jump or within the segments of a period. */
 static inline struct cycle cycle_of(const struct table *drive, const struct table *load)
 {
     bool constant = table_is_constant(load);
@@ -98,7 +98,8 @@ static inline struct cycle cycle_of(const struct table *drive, const struct tabl
     return (struct cycle){0, 0, 0};
 }
 
-/* How many whole periods from segment i of the drive on, within t_end, repeat the period [s] before i. */
+/* Return the number of whole periods from segment i of the drive on, within t_end, that repeat the period before i,
+ * whose duration is `period` [s]. */
 static inline int64_t count_repeats(const struct table *drive, const struct table *load, int64_t i, struct cycle cycle,
                                     real_t period, real_t t_end)
 {

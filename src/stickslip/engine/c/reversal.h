@@ -1,32 +1,32 @@
-/* Reversals of a contact within a step: where its sliding speed passes through a value, or has an extremum. The speed is
- * a polynomial of the fraction of the step. */
+/* Reversals of a contact within a step: where its sliding speed passes through a value or has an extremum. The speed is
+ * a polynomial of degree 4 of the fraction of the step. */
 #ifndef STICKSLIP_REVERSAL_H
 #define STICKSLIP_REVERSAL_H
 
 #include "plant.h"
 
-/* A root whose last correction was smaller than this part of the step is exact to rounding. */
+/* A root is exact to rounding if its last correction was smaller than this fraction of the step. */
 #define ROOT_EXACT RESOLVES(1e-8, 1e-4)
 #define ROOT_ITERATIONS 30
-/* Halvings of half a step, to find an extremum of the sliding speed. */
+/* Number of bisections of half a step in the search for an extremum of the sliding speed. */
 #define EXTREMUM_HALVINGS 12
 
 enum { COEFFICIENTS = 5 };
 
-/* The sliding speed at a fraction of the step. */
+/* Return the sliding speed at the fraction theta of the step; `a` are the coefficients of the polynomial. */
 static inline real_t speed_at(real_t theta, const real_t *a)
 {
     return a[0] + theta * (a[1] + theta * (a[2] + theta * (a[3] + theta * a[4])));
 }
 
-/* Its slope. */
+/* Return the derivative of the sliding speed by the fraction of the step. */
 static inline real_t rise_at(real_t theta, const real_t *a)
 {
     return a[1] + theta * (R(2.0) * a[2] + theta * (R(3.0) * a[3] + theta * R(4.0) * a[4]));
 }
 
-/* The fraction of the step between `low` and `high` at which the speed, in the direction `side`, has fallen to `speed`:
- * Newton's method, kept between the bounds. */
+/* Return the fraction of the step between `low` and `high` at which the speed in the direction `side` (1 or -1) has
+ * fallen to `speed`, by Newton's method within these bounds. */
 static inline real_t speed_reached(real_t speed, real_t low, real_t high, real_t side, const real_t *of)
 {
     real_t a[COEFFICIENTS], theta = R(0.5) * (low + high);
@@ -49,7 +49,8 @@ static inline real_t speed_reached(real_t speed, real_t low, real_t high, real_t
     return theta;
 }
 
-/* Where the slope of the speed is zero, between fractions of the step at which it has opposite signs. */
+/* Return the fraction of the step at which the derivative of the speed is zero, between fractions at which it has
+ * opposite signs. */
 static inline real_t extremum(real_t low, real_t high, const real_t *a)
 {
     real_t begun = rise_at(low, a);
@@ -63,7 +64,7 @@ static inline real_t extremum(real_t low, real_t high, const real_t *a)
     return R(0.5) * (low + high);
 }
 
-/* Where the speed has a minimum in the direction `side`; 1 if it has none. */
+/* Return the fraction of the step at which the speed in the direction `side` has a minimum; 1 if there is none. */
 static inline real_t least_speed(real_t side, const real_t *a)
 {
     bool early = rise_at(R(0.5), a) * side > R(0.0);
@@ -73,7 +74,8 @@ static inline real_t least_speed(real_t side, const real_t *a)
     return R(1.0);
 }
 
-/* Where the speed has a maximum in the first half of the step; 0 if it has none. */
+/* Return the fraction of the step at which the speed in the direction `side` has a maximum in the first half of the
+ * step; 0 if there is none. */
 static inline real_t most_speed(real_t side, const real_t *a)
 {
     if (rise_at(R(0.0), a) * side > R(0.0) && rise_at(R(0.5), a) * side < R(0.0))

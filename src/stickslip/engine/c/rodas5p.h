@@ -5,12 +5,12 @@
 #include "law.h"
 
 #define RODAS_STAGES 8
-/* Stages that evaluate at a node of their own, before those at the end of the step. */
+/* Number of stages that are evaluated at nodes of their own; the later stages are evaluated at the end of the step. */
 #define RODAS_INNER 5
 
 #define RODAS_GAMMA R(0.21193756319429014)
 
-/* Weights of the earlier stages in the state of a stage. */
+/* a_ij: weights of the earlier stages in the state at which a stage is evaluated. */
 static const real_t RODAS_A[6][RODAS_STAGES] = {
     {R(0.0)},
     {R(3.0)},
@@ -21,7 +21,7 @@ static const real_t RODAS_A[6][RODAS_STAGES] = {
      R(0.030198172008377946)},
 };
 
-/* Weights of the earlier stages over h in the right-hand side of a stage. */
+/* C_ij: weights of the earlier stages, over the step h, in the right-hand side of a stage. */
 static const real_t RODAS_C[RODAS_STAGES][RODAS_STAGES] = {
     {R(0.0)},
     {R(-14.155112264123755)},
@@ -36,17 +36,18 @@ static const real_t RODAS_C[RODAS_STAGES][RODAS_STAGES] = {
      R(-40.06618937091002), R(-54.66780262877968), R(-9.48861652309627)},
 };
 
-/* Where the stages look at the drive, and the middle of the step. */
+/* c_i: nodes of the stages, as fractions of the step; the last one is the middle of the step, for the error
+ * estimate. */
 static const real_t RODAS_NODES[7] = {
     R(0.0), R(0.6358126895828704), R(0.4095798393397535),
     R(0.9769306725060716), R(0.4288403609558664), R(1.0), R(0.5)};
 
-/* Weights of the partial derivative by time. */
+/* d_i: weights of the partial derivative of the right-hand side by time. */
 static const real_t RODAS_D[RODAS_INNER] = {
     R(0.21193756319429014), R(-0.42387512638858027), R(-0.3384627126235924),
     R(1.8046452872882734), R(2.325825639765069)};
 
-/* Rows of the continuous extension, of order 4. */
+/* Weights of the stages in the three rows of the continuous extension, which has order 4. */
 static const real_t RODAS_H[3][RODAS_STAGES] = {
     {R(25.948786856663858), R(-2.5579724845846235), R(10.433815404888879), R(-2.3679251022685204),
      R(0.524948541321073), R(1.1241088310450404), R(0.4272876194431874), R(-0.17202221070155493)},

@@ -1,27 +1,28 @@
-/* One trajectory of a plant with adaptive steps, from event to event. Included once per size, after `log.inl`.
+/* Integration of one trajectory of a plant with adaptive steps, from event to event. Included once per size, after
+ * `log.inl`.
  *
- * Between breaks of drive and load the motion is smooth except in the contacts: a bristle's law has a kink where the
- * sliding velocity changes sign, and a set-valued law two modes: sliding in one direction until the velocity comes back to
- * zero, and rest (held), until the force that rest needs exceeds breakaway. Each is located on the step's continuous
- * extension, and the step is cut there. */
+ * Between breaks of drive and load the motion is smooth except in the contacts. A bristle's law has a kink where the
+ * sliding velocity changes sign. A set-valued law has two modes: sliding in one direction until the velocity returns to
+ * zero, and rest (held) until the force that rest requires exceeds the breakaway force. Each event is located on the
+ * step's continuous extension, and the step is cut there. */
 
 #ifndef RUN_CONSTANTS
 #define RUN_CONSTANTS
-/* Beyond a reversal the continued law is unstable. A step cut in its first half that goes on for more than this many times
- * in which a bristle relaxes is taken again, shorter: rounding would grow. */
+/* Beyond a reversal the continued law is unstable, and rounding errors grow. A step that is cut in its first half is
+ * repeated with a shorter step if the rest of it is longer than this many relaxation times of a bristle. */
 #define UNSTABLE R(2.0)
-/* Steps below this part of the time are not resolved; nor are so many tries in a row, as short on average. */
+/* Shortest step, as a fraction of the time; and number of successive attempts whose mean length must exceed it. */
 #define RESOLVED_TIME RESOLVES(1e-15, 1e-9)
 #define STANDING 500
-/* Error of a step that slides where it should stop at once: far beyond what is allowed. */
+/* Error, over the allowed one, of a step that slides although it should stop at once: far too large. */
 #define MUST_SHRINK R(1e10)
 
-/* What becomes of a step that was tried. */
+/* Result of an attempted step: accepted, to be repeated, or the run fails because steps are too short or too many. */
 enum verdict { ACCEPTED, AGAIN, GIVEN_UP_SHORT, GIVEN_UP_MANY };
 #endif
 
-/* How long a step may be that starts anew: by what moves; where no more than the slope of the drive jumps, by what that
- * sets in motion. */
+/* Return the longest first step after a break or an event, from acceleration and sliding speed. If only the slope of
+ * the drive jumps, the motion that this jump causes may allow a longer one. */
 static real_t OF(first_step)(const struct OF(walk) *w, const real_t *u, struct OF(onset) found)
 {
     const struct plant *P = w->P;
@@ -41,7 +42,7 @@ static real_t OF(first_step)(const struct OF(walk) *w, const real_t *u, struct O
     return longest;
 }
 
-/* Finds the sides of the contacts, and how long the first step may be. */
+/* Determine the sides of the contacts, and the length of the first step. */
 static void OF(begin)(struct OF(walk) *w)
 {
     const struct plant *P = w->P;
@@ -61,7 +62,7 @@ static void OF(begin)(struct OF(walk) *w)
     w->moment = MOMENT * w->local * P->rate / r_max(found.change, R(1e-300));
 }
 
-/* Keeps the last instant before the end had an influence on a step. */
+/* Store the last state before the end of the run had an influence on a step, from which a longer run can continue. */
 static void OF(keep)(struct OF(walk) *w, real_t t_end, real_t left)
 {
     if (!WATCHED(w->resume != NULL) || w->t_break != t_end || !(w->h > R(0.1) * left))
@@ -72,7 +73,7 @@ static void OF(keep)(struct OF(walk) *w, real_t t_end, real_t left)
         w->resume[INFLUENCED] = t_end;
 }
 
-/* Chooses the length of the next step: it ends at a break, or leaves room for another step before it. */
+/* Choose the length of the next step: it ends at a break, or leaves room for another step before the break. */
 static void OF(choose_length)(struct OF(walk) *w, real_t t_end)
 {
     real_t next = r_min(table_next_break(w->drive, w->i, t_end), table_next_break(w->load, w->j, t_end));
@@ -83,7 +84,7 @@ static void OF(choose_length)(struct OF(walk) *w, real_t t_end)
     w->tried_h = w->last ? left : r_min(w->h, R(0.5) * left);
 }
 
-/* The first moment of a slip in the place of a step, where a step cannot begin. */
+/* Replace a step that cannot start at rest by the first moment of a slip. */
 static void OF(launch)(struct OF(walk) *w)
 {
     w->leapt = false;
@@ -99,7 +100,7 @@ static void OF(launch)(struct OF(walk) *w)
     w->last = false;
 }
 
-/* Makes the step being tried, with its error over the one allowed. */
+/* Compute the attempted step, and its error over the allowed one. */
 static inline void OF(try)(struct OF(walk) *w)
 {
     struct OF(step) *S = &w->step;
@@ -128,8 +129,8 @@ static inline void OF(try)(struct OF(walk) *w)
     S->error = R(0.0);
 }
 
-/* A set-valued contact stops where it began: the force sits at breakaway, and it is held by force; or it slides, by
- * shorter steps. Returns whether it is held. */
+/* Handle a set-valued contact that stops where it started, because its force is at the breakaway force: hold it by
+ * force if the friction can carry the load, or else make the step shorter. Return true if it is held. */
 static bool OF(stops_at_once)(struct OF(walk) *w)
 {
     int e = w->cut.which;
@@ -143,7 +144,7 @@ static bool OF(stops_at_once)(struct OF(walk) *w)
     return false;
 }
 
-/* A step with too large an error: the next one is shorter. */
+/* Reject a step with too large an error; the next one is shorter. */
 static enum verdict OF(refuse)(struct OF(walk) *w)
 {
     real_t error = w->step.error;
@@ -155,7 +156,7 @@ static enum verdict OF(refuse)(struct OF(walk) *w)
     return w->accepted + w->rejected >= w->max_steps ? GIVEN_UP_MANY : AGAIN;
 }
 
-/* Judges the step being tried. */
+/* Judge the attempted step. */
 static inline enum verdict OF(judge)(struct OF(walk) *w)
 {
     w->cut = (struct cut){R(1.0), 0, NOTHING};
@@ -177,7 +178,7 @@ static inline enum verdict OF(judge)(struct OF(walk) *w)
     }
     w->cut.fraction = r_abs(w->cut.fraction);
     if (w->cut.why == STOPS && w->cut.fraction <= ROOT_EXACT && !OF(is_static)(w->P, e)) {
-        /* By rounding it turns where it begins: a shorter step tells to which side it slides. */
+        /* Rounding errors reverse it at the start of the step; a shorter step shows to which side it slides. */
         w->rejected++;
         w->turned = 0;
         w->refused = true;
@@ -192,7 +193,8 @@ static inline enum verdict OF(judge)(struct OF(walk) *w)
     return ACCEPTED;
 }
 
-/* The state at the end of the step, at rest where it is held, and on the bounds of the laws. Returns the time. */
+/* Compute the state at the end of the step or at its cut, with held contacts at rest and internal states within their
+ * bounds. Return the time. */
 static inline real_t OF(finish)(struct OF(walk) *w, real_t *end, real_t *u_end)
 {
     const struct OF(step) *S = &w->step;
@@ -215,7 +217,7 @@ static inline real_t OF(finish)(struct OF(walk) *w, real_t *end, real_t *u_end)
     return t_new;
 }
 
-/* How long the next step is. */
+/* Choose the length of the next step from the error of this one; `slows`: the contacts slow down at the cut. */
 static inline void OF(lengthen)(struct OF(walk) *w, bool slows)
 {
     real_t error = w->step.error;
@@ -224,10 +226,11 @@ static inline void OF(lengthen)(struct OF(walk) *w, bool slows)
     w->refused = false;
     if (slows) /* the next step slows down as quickly */
         grown = r_min(grown, R(2.0) * w->cut.fraction * w->tried_h);
-    w->h = w->last ? r_max(w->h, grown) : grown; /* a step cut short by a break says little about the next */
+    /* the length of a step that a break has cut short is no measure for the next */
+    w->h = w->last ? r_max(w->h, grown) : grown;
 }
 
-/* At a break: the next segments of drive and load, and the ticks that are due. */
+/* Pass a break: go to the next segments of drive and load, and update sampled elements that have a tick. */
 static void OF(pass_break)(struct OF(walk) *w)
 {
     while (table_next_has_begun(w->drive, w->i, w->t)) {
@@ -247,7 +250,7 @@ static void OF(pass_break)(struct OF(walk) *w)
     }
 }
 
-/* Advances by the step that was accepted, as far as its cut. */
+/* Advance by the accepted step, up to its cut. */
 static inline void OF(advance)(struct OF(walk) *w)
 {
     real_t end[ROOM_STATES], u_end[DERIVATIVES];
@@ -274,7 +277,7 @@ static inline void OF(advance)(struct OF(walk) *w)
         OF(pass_break)(w);
 }
 
-/* Integrates to t_end, or until the log is full. Returns an outcome. */
+/* Integrate to t_end, or until the log is full. Return an outcome. */
 static int OF(run)(struct OF(walk) *w, real_t t_end)
 {
     real_t passed = w->t;

@@ -1,4 +1,5 @@
-/* The engine for one size. The macros that `elements.inl` names are defined by who includes this, and end here. */
+/* The engine for one size. The including file defines the macros that `elements.inl` lists; they are undefined at the
+ * end. */
 #include "elements.inl"
 #include "equations.inl"
 #include "system.inl"

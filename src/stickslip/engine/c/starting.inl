@@ -1,28 +1,30 @@
-/* How contacts start: their sides at an instant, and the first moment of a slip. Included once per size, after
+/* Start of contacts: their sides at a time, and the first moment of a slip. Included once per size, after
  * `step.inl`. */
 
 #ifndef STARTING_CONSTANTS
 #define STARTING_CONSTANTS
-/* Slower is rounding in the slopes of the drive, and no sliding, m/s. */
+/* Sliding speed [m/s] below which a contact counts as at rest: the rounding error of the drive's slope. */
 #define STILL RESOLVES(1e-12, 1e-8)
-/* A law whose force falls this many times as steeply up to RESOLVED as up to STEEP [m/s] has no slope at rest. */
+/* A law has no finite slope at rest if its force falls more than STEEPER times as steeply up to RESOLVED as up to STEEP
+ * [m/s]. */
 #define STEEP RESOLVES(1e-11, 2e-4)
 #define STEEPER R(2.0)
-/* The first moment of a slip, over the time in which what pulls moves a position by a local error; and at most, over the
- * time in which the plant moves. */
+/* Duration of the first moment of a slip: MOMENT times the time in which the acceleration moves a position by the local
+ * error; at most LONGEST_MOMENT over the plant's rate. */
 #define MOMENT R(0.1)
 #define LONGEST_MOMENT R(1e-2)
-/* The speed at its end is found to this part, in so many iterations at most. */
+/* Relative accuracy of the speed at the end of this moment, and largest number of iterations. */
 #define LAUNCH_FOUND RESOLVES(1e-5, 1e-4)
 #define LAUNCH_ITERATIONS 200
 #endif
 
-/* How fast things change at an instant: an acceleration [m/s^2] and the largest sliding speed [m/s]. */
+/* Motion at a time: largest acceleration [m/s^2] and largest sliding speed [m/s]. */
 struct OF(onset) {
     real_t change, speed;
 };
 
-/* Lets go the held contacts that cannot be held, one after the other, first the one of which most is asked. */
+/* Let held contacts slide if their friction cannot carry the load: one after the other, first the one with the largest
+ * excess of force. */
 static void OF(let_go)(const struct plant *P, const real_t *q, const real_t *u, const real_t *normal, real_t share,
                        struct OF(regime) *on, real_t *dq, real_t *force)
 {
@@ -45,8 +47,9 @@ static void OF(let_go)(const struct plant *P, const real_t *q, const real_t *u, 
     }
 }
 
-/* Finds the sides of the contacts at an instant: each slides as its speed says, or begins to as its acceleration says; a
- * set-valued contact at rest is held if this `share` of its breakaway can hold it. */
+/* Determine the sides of the contacts at a time. A contact slides to the side of its speed or, at rest, of its
+ * acceleration. A set-valued contact at rest is held if the fraction `share` of its breakaway force suffices. Return
+ * the motion. */
 static struct OF(onset) OF(start)(const struct plant *P, const real_t *q, const real_t *u, const real_t *normal,
                                    real_t share, struct OF(regime) *on)
 {
@@ -72,7 +75,7 @@ static struct OF(onset) OF(start)(const struct plant *P, const real_t *q, const 
     return (struct OF(onset)){OF(unrest)(P, dq, u), fastest};
 }
 
-/* The first set-valued contact that slides though it has no speed yet; -1 if none does. */
+/* Return the first set-valued contact that starts to slide and has no speed yet; -1 if there is none. */
 static int OF(letting_go)(const struct plant *P, const struct OF(regime) *on, const real_t *q, const real_t *u)
 {
     for (int e = 0; e < ELEMENTS(P); e++)
@@ -81,7 +84,7 @@ static int OF(letting_go)(const struct plant *P, const struct OF(regime) *on, co
     return -1;
 }
 
-/* How contact e accelerates in its direction, m/s^2. */
+/* Return the acceleration of contact e in its direction of sliding, m/s^2; set dq. */
 static real_t OF(pull)(const struct plant *P, const struct OF(regime) *on, int e, const real_t *q, const real_t *u,
                        const real_t *normal, real_t *dq)
 {
@@ -91,7 +94,7 @@ static real_t OF(pull)(const struct plant *P, const struct OF(regime) *on, int e
     return on->side[e] * OF(speed)(P, e, dq, u_rates);
 }
 
-/* The same at another speed of the contact. */
+/* Return this acceleration for another speed of the contact. */
 static real_t OF(pull_at)(const struct plant *P, const struct OF(regime) *on, int e, real_t speed, const real_t *q,
                           const real_t *u, const real_t *normal)
 {
@@ -101,7 +104,8 @@ static real_t OF(pull_at)(const struct plant *P, const struct OF(regime) *on, in
     return OF(pull)(P, on, e, there, u, normal, dq);
 }
 
-/* Whether the force of contact e falls ever more steeply towards rest, and at once. */
+/* Return true if the force of contact e falls ever more steeply towards rest, so that its slope at rest is not
+ * finite. */
 static bool OF(falls_from_rest)(const struct plant *P, const struct OF(regime) *on, int e, const real_t *q,
                                 const real_t *u, const real_t *normal)
 {
@@ -111,8 +115,8 @@ static bool OF(falls_from_rest)(const struct plant *P, const struct OF(regime) *
     return near > r_max(STEEPER * far, P->rate);
 }
 
-/* An instant of a launch: q after `lasts` at the slopes dq, with contact e at a speed. Returns its pull there, and the
- * slopes in `slopes`. */
+/* Launch of contact e from the state q at rest. The function below computes the state `lasts` [s] later, with the
+ * slopes dq and the contact at `speed`; it returns the contact's acceleration there, and sets `slopes` to dq/dt. */
 struct OF(launch) {
     const struct plant *P;
     const struct OF(regime) *on;
@@ -134,15 +138,14 @@ static real_t OF(after)(const struct OF(launch) *of, real_t t, real_t lasts, con
     return OF(pull)(of->P, of->on, of->e, end, u, normal, slopes);
 }
 
-/* The state a moment after contact e lets go, into `end`. Returns how long that is, s, at most `longest`; 0 where a step
- * can begin at rest.
+/* Compute the state a moment after contact e starts to slide, into `end`. Return the duration of this moment, s, at
+ * most `longest`; 0 if a usual step can start at rest.
  *
- * A step cannot where the slope of the law is infinite there: the contact could as well stay at rest, and the linear
- * system of a step has the wrong sign unless the step is shorter than what it makes grow. With the pull a on the contact,
- * which falls free within the moment t_1, the speed is a power of time,
- *     v = v_1 (t/t_1)^p,  v_1 = a(t_1, v_1) t_1/p,  p = 1 + log2(a(t_1)/a(t_1/2)),
- * which is exact for each cause alone, friction that falls as a power of the speed and a drive that pulls ever more.
- * `moment` is lengthened until that speed is told from rest. */
+ * It cannot if the slope of the law at rest is infinite: the contact could as well stay at rest, and the linear system
+ * of a step has the wrong sign unless the step is shorter than the time constant of the growth. With the acceleration a
+ * of the contact within the moment t_1, the speed is assumed to be a power of time, v = v_1 (t/t_1)^p, v_1 = a(t_1,
+ * v_1) t_1/p, p = 1 + log2(a(t_1)/a(t_1/2)). This is exact for each cause alone: friction that falls as a power of the
+ * speed, and a drive that pulls more and more. `moment` is extended until the speed exceeds rounding errors. */
 static real_t OF(launched)(const struct OF(launch) *of, real_t t, real_t moment, real_t longest, real_t *end)
 {
     const struct plant *P = of->P;

@@ -4,37 +4,37 @@
  *     W U_i = f(t + c_i h, q + sum_{j<i} a_ij U_j) + 1/h sum_{j<i} C_ij U_j + h d_i f_t,
  * the new state is q + sum a_8j U_j + U_8, and U_8 is the error estimate.
  *
- * A step knows on which side of v = 0 each contact slides and continues its law smoothly beyond a reversal, so that the
- * kink of |v| never enters it: it is cut at the reversal afterwards, on its continuous extension. */
+ * Each contact slides on one side of v = 0 in a step, and its law is continued smoothly beyond a reversal. So the kink
+ * of |v| never enters a step; the step is cut at the reversal afterwards, on its continuous extension. */
 
-/* From how many times that it relaxes within a step a bristle is stiff: below, the embedded error sees it. */
+/* Step over relaxation time above which a bristle is stiff; below it, the embedded error estimate is reliable. */
 #ifndef STEP_STIFF
 #define STEP_STIFF R(1.0)
 #endif
 
-/* A step: the drive and the normal force at its nodes; the new state and the continuous extension; the error [m]; for
- * each element the length of the step over the time in which its fastest state relaxes. */
+/* A step: drive and normal force at its nodes; the new state and the continuous extension; the error [m]; for each
+ * element the step's length over the relaxation time of its fastest state. */
 struct OF(step) {
     real_t u[INSTANTS][DERIVATIVES], normal[INSTANTS][DERIVATIVES];
     real_t next[ROOM_STATES], rows[3][ROOM_STATES];
     real_t error, fast[ROOM_ELEMENTS];
 };
 
-/* An entry of the state at a fraction theta of a step. */
+/* Return an entry of the state at the fraction theta of a step, by the continuous extension. */
 HOT real_t OF(extended)(real_t theta, real_t old, real_t next, real_t row_0, real_t row_1, real_t row_2)
 {
     real_t rest = R(1.0) - theta;
     return rest * old + theta * next + theta * rest * (row_0 + theta * row_1 + theta * theta * row_2);
 }
 
-/* The state at a fraction theta of a step. */
+/* Compute the state at the fraction theta of a step. */
 HOT void OF(at)(const struct plant *P, real_t theta, const real_t *q, const struct OF(step) *S, real_t *out)
 {
     for (int c = 0; c < STATES(P); c++)
         out[c] = OF(extended)(theta, q[c], S->next[c], S->rows[0][c], S->rows[1][c], S->rows[2][c]);
 }
 
-/* Adds a weighted sum of stages. */
+/* Add a weighted sum of the first `count` stages to `sum`. */
 HOT void OF(add_stages)(const struct plant *P, int count, const real_t *weights, real_t k[RODAS_STAGES][ROOM_STATES],
                         real_t *sum)
 {
@@ -44,7 +44,7 @@ HOT void OF(add_stages)(const struct plant *P, int count, const real_t *weights,
             sum[c] += weights[j] * k[j][c];
 }
 
-/* Stage s, evaluated at the state p; t: partial derivative of dq/dt by time. */
+/* Compute stage s at the state p; t is the partial derivative of dq/dt by time. */
 HOT void OF(stage)(const struct plant *P, const struct OF(regime) *on, const struct OF(system) *w, real_t h,
                              const real_t *p, const real_t *t, const struct OF(step) *S, int s,
                              real_t k[RODAS_STAGES][ROOM_STATES])
@@ -59,7 +59,8 @@ HOT void OF(stage)(const struct plant *P, const struct OF(regime) *on, const str
     OF(solve)(P, on, w, r, k[s]);
 }
 
-/* The error of the continuous extension in the middle of the step, brought to the scale of the state by W. */
+/* Return the error of the continuous extension in the middle of the step [m]: its residual in the equations of motion,
+ * converted to a state by W. */
 static inline real_t OF(defect)(const struct plant *P, const struct OF(regime) *on, const struct OF(system) *w,
                                 real_t per_h, const real_t *q, const real_t *weights, const struct OF(step) *S)
 {
@@ -80,10 +81,11 @@ static inline bool OF(is_stiff)(const struct plant *P, const real_t *fast)
     return false;
 }
 
-/* Advances the state q by h. `S` holds drive and normal force at the nodes, and gets the rest.
+/* Advance the state q by h. `S` has the drive and the normal force at the nodes; the rest of it is set here.
  *
- * Two errors are looked at: the embedded one, and the defect of the continuous extension in the middle of the step. The
- * first alone is blind where a stiff bristle softens within one step (sliding that slows through the Stribeck range). */
+ * There are two error estimates: the embedded one, and for stiff bristles the residual of the continuous extension in
+ * the middle of the step. The first alone does not see a stiff bristle that softens within one step (sliding that slows
+ * down through the Stribeck range). */
 static inline void OF(take)(const struct plant *P, const struct OF(regime) *on, real_t h, const real_t *q,
                             struct OF(step) *S)
 {

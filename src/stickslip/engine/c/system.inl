@@ -1,18 +1,21 @@
-/* The linear system of a step. Included once per size, after `equations.inl`. */
+/* Linear system of a step. Included once per size, after `equations.inl`. */
 
-/* W = 1/(h gamma) - J, with the bodies eliminated: what `solve` needs. */
+/* Factors of W = 1/(h gamma) - J with the bodies eliminated, for `solve`; per_g is h gamma. */
 struct OF(system) {
     real_t per_g;
     real_t D[ROOM_MODES], K[ROOM_MODES];             /* of each mode: inverse pivot, stiffness times per_g */
-    real_t phi[ROOM_ELEMENTS], pivot[ROOM_ELEMENTS]; /* slope of an output within the step; inverse pivots */
-    real_t H[ROOM_ELEMENTS][ROOM_ELEMENTS];          /* what output j does to input i */
-    real_t A[ROOM_ELEMENTS][ROOM_ELEMENTS];          /* the elements' matrix, factored in place */
-    real_t X[ROOM_ELEMENTS][ROOM_MODES];             /* what an output does to the velocity of a mode */
-    real_t psi[ROOM_ELEMENTS], psx[ROOM_ELEMENTS], kappa[ROOM_ELEMENTS]; /* of the place, see `place` */
+    /* of each element: derivative of the output by the input within the step; inverse pivot */
+    real_t phi[ROOM_ELEMENTS], pivot[ROOM_ELEMENTS];
+    real_t H[ROOM_ELEMENTS][ROOM_ELEMENTS];          /* effect of output j on input i */
+    real_t A[ROOM_ELEMENTS][ROOM_ELEMENTS];          /* matrix of the elements, factored in place */
+    real_t X[ROOM_ELEMENTS][ROOM_MODES];             /* effect of an output on the velocity of a mode */
+    /* for a normal force along the stroke, see `place` */
+    real_t psi[ROOM_ELEMENTS], psx[ROOM_ELEMENTS], kappa[ROOM_ELEMENTS];
     real_t fp[ROOM_STATES], zv[ROOM_STATES], pz[ROOM_STATES], zw[ROOM_STATES], zx[ROOM_STATES];
 };
 
-/* What the speed and position of the place, along which a normal force changes, add to the output within a step. */
+/* Add the effect of a normal force that varies along the stroke: its change by speed and position of the place changes
+ * the output within a step. */
 static void OF(place)(const struct plant *P, int e, const struct OF(loading) *load, real_t force, struct OF(system) *w)
 {
     const struct element *E = &P->element[e];
@@ -26,15 +29,16 @@ static void OF(place)(const struct plant *P, int e, const struct OF(loading) *lo
     w->phi[e] *= w->kappa[e];
 }
 
-/* The output of an element at the start of a step, its slopes, and its derivative by time. */
+/* Output of an element at the start of a step, and its derivatives. */
 struct OF(linear) {
-    real_t force, force_t;      /* force, its partial derivative by time */
-    real_t phi;                 /* slope by the input, with the states eliminated */
-    real_t fast;                /* 1/s, how fast the fastest state relaxes */
+    real_t force, force_t;      /* force, and its partial derivative by time */
+    real_t phi;                 /* derivative by the input, with the states eliminated */
+    real_t fast;                /* relaxation rate of the fastest state, 1/s */
 };
 
-/* The slopes of a state's rate where the normal force changes along the stroke: by the input and by itself with the
- * factor on them, by the speed of the place, by the place. Returns what a growing load does to the rate. */
+/* Compute the derivatives of a state's rate for a normal force that varies along the stroke: by the input and by the
+ * state (times the softening factor), by the speed of the place, and by the place. Return the effect of a growing load
+ * on the rate. */
 static real_t OF(soften)(const struct element *E, const struct bristle *of, const struct OF(loading) *load, real_t s,
                          real_t z, const real_t *q, int c, struct law_slopes *slopes, struct OF(system) *w)
 {
@@ -49,7 +53,8 @@ static real_t OF(soften)(const struct element *E, const struct bristle *of, cons
     return stiffens;
 }
 
-/* The states of an element at the start of a step, into its output's slopes. st: its input's derivative by time. */
+/* Linearise the states of an element at the start of a step, and add their effect to the derivatives of the output.
+ * `st` is the derivative of the element's input by time. */
 HOT void OF(linearise_states)(const struct plant *P, const struct OF(regime) *on, int e, real_t s, real_t st,
                                         const real_t *q, const struct OF(loading) *load, struct OF(system) *w,
                                         real_t *t, struct OF(linear) *made)
@@ -77,7 +82,7 @@ HOT void OF(linearise_states)(const struct plant *P, const struct OF(regime) *on
     }
 }
 
-/* An element at the start of a step. */
+/* Linearise an element at the start of a step. */
 HOT void OF(linearise)(const struct plant *P, const struct OF(regime) *on, int e, const real_t *q,
                                  const real_t *u, const real_t *normal, struct OF(system) *w, real_t *t,
                                  real_t *force, real_t *force_t, real_t *weights, real_t *fast)
@@ -118,7 +123,7 @@ HOT void OF(linearise)(const struct plant *P, const struct OF(regime) *on, int e
         OF(place)(P, e, &load, force[e], w);
 }
 
-/* What the output of element j does to the input of element i within a step. */
+/* Return the effect of the output of element j on the input of element i within a step. */
 HOT real_t OF(crossed)(const struct plant *P, int i, int j, const struct OF(system) *w)
 {
     const struct element *E = &P->element[i];
@@ -133,7 +138,7 @@ HOT real_t OF(crossed)(const struct plant *P, int i, int j, const struct OF(syst
     return sum;
 }
 
-/* Factors the matrix that is left of the elements, in place: U over the inverse pivots and L. */
+/* Factor the remaining matrix of the elements in place, into L and U, with inverse pivots. */
 HOT void OF(factor_elements)(const struct plant *P, const struct OF(regime) *on, struct OF(system) *w)
 {
     real_t size[ROOM_ELEMENTS];
@@ -159,8 +164,8 @@ HOT void OF(factor_elements)(const struct plant *P, const struct OF(regime) *on,
     }
 }
 
-/* The linear system of a step; t: partial derivative of dq/dt by time; weights: of an error of each internal state [m];
- * fast: how fast the fastest state of each element relaxes [1/s]. */
+/* Set up and factor the linear system of a step. t: partial derivative of dq/dt by time. weights: factors that convert
+ * errors of the internal states to metres. fast: relaxation rate of the fastest state of each element [1/s]. */
 HOT void OF(factor)(const struct plant *P, const struct OF(regime) *on, const real_t *q, const real_t *u,
                               const real_t *normal, real_t per_g, struct OF(system) *w, real_t *t, real_t *weights,
                               real_t *fast)
@@ -184,7 +189,8 @@ HOT void OF(factor)(const struct plant *P, const struct OF(regime) *on, const re
     OF(factor_elements)(P, on, w);
 }
 
-/* The elements' right-hand sides b, and what the states make of the outputs, rho. x: velocities of the free modes. */
+/* Compute the elements' right-hand sides b, and the states' part of the outputs, rho. `x` has the velocities of the
+ * modes without elements. */
 HOT void OF(reduce)(const struct plant *P, const struct OF(regime) *on, const struct OF(system) *w,
                               const real_t *r, const real_t *x, real_t *b, real_t *rho)
 {
@@ -202,7 +208,7 @@ HOT void OF(reduce)(const struct plant *P, const struct OF(regime) *on, const st
             rho[e] += w->psi[e] * x[E->place] + w->psx[e] * r[2 * E->place];
             rho[e] *= w->kappa[e];
         }
-        if (OF(is_held)(P, on, e)) /* a held contact keeps the rate of its input */
+        if (OF(is_held)(P, on, e)) /* the input of a held contact keeps its rate */
             b[e] -= OF(sliding)(P, e, r) * w->per_g;
     }
     for (int i = 0; i < ELEMENTS(P); i++)
@@ -210,7 +216,7 @@ HOT void OF(reduce)(const struct plant *P, const struct OF(regime) *on, const st
             b[i] += w->H[i][j] * rho[j];
 }
 
-/* x of W x = r: bodies eliminated, then elements against each other, and back. */
+/* Solve W x = r into `out`: eliminate the bodies, solve for the elements, then substitute back. */
 HOT void OF(solve)(const struct plant *P, const struct OF(regime) *on, const struct OF(system) *w,
                              const real_t *r, real_t *out)
 {

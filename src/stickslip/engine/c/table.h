@@ -1,4 +1,4 @@
-/* Drive and load: tables of segments (see `stickslip/waveform/drive.py`), as a step needs them. */
+/* Drive and load as the integrator evaluates them: tables of segments (see `stickslip/waveform/drive.py`). */
 #ifndef STICKSLIP_TABLE_H
 #define STICKSLIP_TABLE_H
 
@@ -6,23 +6,24 @@
 
 #include "rodas5p.h"
 
-/* On segment i, from start[i] on, with the local time tau: a cubic, and the harmonics first[i] .. first[i + 1] - 1, each
- * amplitude * sin(phase + omega * tau + chirp * tau^2). The last segment has no end. */
+/* A function of time in segments. On segment i, from start[i] on, with the local time tau, it is the sum of a cubic and
+ * of the harmonics first[i] .. first[i + 1] - 1, each amplitude * sin(phase + omega * tau + chirp * tau^2). The last
+ * segment has no end. */
 struct table {
     int64_t segments;
-    const real_t *start;            /* s, ascending */
-    const real_t (*polynomial)[4];  /* c_0 .. c_3 */
+    const real_t *start;            /* [segments], s, ascending */
+    const real_t (*polynomial)[4];  /* [segments], coefficients c_0 .. c_3 */
     const int64_t *first;           /* [segments + 1] */
     const real_t (*harmonic)[4];    /* amplitude, omega [rad/s], phase [rad], chirp [rad/s^2] */
 };
 
-/* What a table gives at an instant: its value and three derivatives by time. */
+/* Values of a table at a time: the function and its first three derivatives by time. */
 enum { VALUE, SLOPE, CURVATURE, THIRD, DERIVATIVES };
 
-/* Where a step looks at a table: the six distinct nodes of Rodas5P, and the middle of the step. */
+/* Times in a step at which tables are evaluated: the six distinct nodes of Rodas5P, and the middle of the step. */
 enum { AT_START = 0, AT_END = 5, AT_MIDDLE = 6, INSTANTS = 7 };
 
-/* A cubic, and its slope. */
+/* Return a cubic, and its derivative, at tau. */
 static inline real_t cubic_at(const real_t *c, real_t tau)
 {
     return c[0] + tau * (c[1] + tau * (c[2] + tau * c[3]));
@@ -42,7 +43,7 @@ static inline void table_polynomial(const struct table *table, int64_t i, real_t
     u[THIRD] = R(6.0) * c[3];
 }
 
-/* u and its derivatives at time t, by the formula of segment i. */
+/* Compute u and its derivatives at the time t, by the formula of segment i. */
 static inline void table_at(const struct table *table, int64_t i, real_t t, real_t *u)
 {
     real_t tau = t - table->start[i];
@@ -59,7 +60,7 @@ static inline void table_at(const struct table *table, int64_t i, real_t t, real
     }
 }
 
-/* The same at all instants at which a step of length h from t looks. */
+/* Compute u and its derivatives at all nodes of a step of length h that starts at t. */
 static inline void table_at_nodes(const struct table *table, int64_t i, real_t t, real_t h, real_t u[INSTANTS][DERIVATIVES])
 {
     real_t tau = t - table->start[i];
@@ -72,7 +73,7 @@ static inline void table_at_nodes(const struct table *table, int64_t i, real_t t
     }
 }
 
-/* As `table_at_nodes`, but only the values, and the slope at the start of the step. */
+/* As `table_at_nodes`, but compute only the values, and the slope at the start of the step. */
 static inline void table_values_at_nodes(const struct table *table, int64_t i, real_t t, real_t h,
                                          real_t u[INSTANTS][DERIVATIVES])
 {
@@ -87,7 +88,7 @@ static inline void table_values_at_nodes(const struct table *table, int64_t i, r
     u[AT_START][SLOPE] = cubic_slope(c, tau);
 }
 
-/* The segment that holds time t; at a break point, the later one. */
+/* Return the segment that contains the time t; at a break, the later one. */
 static inline int64_t table_segment_of(const struct table *table, real_t t)
 {
     int64_t low = 0, high = table->segments;
@@ -101,13 +102,13 @@ static inline int64_t table_segment_of(const struct table *table, real_t t)
     return low;
 }
 
-/* Whether there is a later segment, and it has begun at time t. */
+/* Return true if there is a segment after i, and it has started at the time t. */
 static inline bool table_next_has_begun(const struct table *table, int64_t i, real_t t)
 {
     return i + 1 < table->segments && table->start[i + 1] <= t;
 }
 
-/* Where segment i ends, at most t_end. */
+/* Return the end of segment i, at most t_end. */
 static inline real_t table_next_break(const struct table *table, int64_t i, real_t t_end)
 {
     return i + 1 < table->segments ? r_min(t_end, table->start[i + 1]) : t_end;

@@ -1,34 +1,38 @@
-/* A trajectory under way: its data, and what is found on a step. Included once per size, after `starting.inl`. */
+/* A running integration: its data, and the events within a step. Included once per size, after `starting.inl`. */
 
 #ifndef WALK_CONSTANTS
 #define WALK_CONSTANTS
 /* Local error allowed in each step, as a fraction of the tolerance (docs/decisions/integrator.md). */
 #define LOCAL R(0.05)
-/* A kink is stepped over only if what it changes is below this part of the local error. */
+/* Largest effect of a kink over which a step is not cut, as a fraction of the local error. */
 #define KINK R(0.005)
-/* A step that is this many times longer than a contact's bristle takes to relax (it slides fast) is cut where the sliding
- * velocity has fallen to half: the bristle stiffens no more there, and the error estimates would not see what happens
- * when it lets go. */
+/* A step that is longer than CUT_STIFF relaxation times of a contact's bristle (fast sliding) is cut where the sliding
+ * velocity has fallen to the fraction SLOWED. The bristle becomes less stiff there, and the error estimates would not
+ * see it stick. */
 #define CUT_STIFF R(5.0)
 #define SLOWED R(0.5)
-/* Over what a jump of the drive's slope adds within 1/rate: less is rounding of its value, and no jump. */
+/* A jump of the drive's value below this fraction of the change by the jump of its slope within 1/rate is a rounding
+ * error. */
 #define ROUNDED R(1e-3)
-/* What has let go is not held again for rounding; it is where it cannot slide, up to a little more. */
+/* Factors on the breakaway force, with a margin for rounding errors. LETS_GO: a contact that has just started to slide
+ * is held only below this. HOLDS: a contact that cannot slide is held up to this. FORCED: a contact held in this way
+ * lets go above this. */
 #define LETS_GO (R(1.0) - RESOLVES(1e-9, 1e-5))
 #define HOLDS (R(1.0) + RESOLVES(1e-9, 1e-5))
 #define FORCED (R(1.0) + RESOLVES(1e-8, 1e-4))
-/* How often within a step the force of a held contact, and the branches, are looked at; halvings of what is found. */
+/* Number of points in a step at which forces of held contacts, and branches, are checked; number of bisections for the
+ * time of the event. */
 #define CHECKS 8
 #define END_HALVINGS 52
 
-/* What ends a step early. */
+/* Reasons for which a step ends early: nothing, a contact slows down, reverses, or starts to slide. */
 enum why { NOTHING, SLOWS, STOPS, BREAKS };
 
-/* What is looked for within a step: held contacts that let go, or laws that leave their branch. */
+/* Events that are searched within a step: held contacts that start to slide, or laws that leave their branch. */
 enum end_of { HELD, BRANCHES };
 
-/* Where a step ends early: at this fraction, by this contact. A negative fraction: the contact slid to the other side from
- * the start. */
+/* Early end of a step: its fraction, the contact, and the reason. A negative fraction: the contact slid to the other
+ * side from the start. */
 struct cut {
     real_t fraction;
     int which;
@@ -39,26 +43,27 @@ struct cut {
 struct OF(walk) {
     const struct plant *P;
     const struct table *drive, *load;
-    int64_t i, j;                   /* segments of drive and load */
-    real_t t, h;                    /* s, time and length of the next step */
+    int64_t i, j;                   /* indices of the segments of drive and load */
+    real_t t, h;                    /* present time, and length of the next step, s */
     real_t q[ROOM_STATES];
     struct OF(regime) on;
-    bool fresh;                     /* the sides are still to be found */
-    real_t local;                   /* m, local error allowed */
+    bool fresh;                     /* true if the sides must still be determined */
+    real_t local;                   /* allowed local error, m */
     int64_t accepted, rejected, max_steps;
     struct log *log;
-    real_t *resume;                 /* a row for the point of continuation, or NULL */
-    const volatile int32_t *stop;   /* not 0: give up; or NULL */
-    /* The step being tried. */
+    real_t *resume;                 /* row that stores a point of continuation, or NULL */
+    const volatile int32_t *stop;   /* the run stops as soon as this is not 0; or NULL */
+    /* The attempted step. */
     struct OF(step) step;
-    real_t tried_h, t_break;        /* its length; where it has to end at the latest */
-    bool last;                      /* it ends there */
-    bool leapt;                     /* it is no step, but the first moment of a slip */
+    real_t tried_h, t_break;        /* its length; time at which it must end at the latest, s */
+    bool last;                      /* true if the step ends at t_break */
+    bool leapt;                     /* true if it is no step, but the first moment of a slip */
     struct cut cut;
-    /* What earlier tries leave to the next. */
-    int turned, forced, launch;     /* sides turned; contacts held by force, and to be launched (-1: none) */
-    bool refused;                   /* the step before was too long */
-    real_t share, moment;           /* share of breakaway that holds; first moment of a launch [s] */
+    /* Results of earlier attempts that affect the next one. */
+    int turned, forced, launch;     /* number of reversed sides; contact held by force; contact to be launched (-1:
+                                     * none) */
+    bool refused;                   /* true if the previous attempt was rejected */
+    real_t share, moment;           /* fraction of the breakaway force that holds; first moment of a launch, s */
 };
 
 static inline void OF(drive_at)(const struct OF(walk) *w, real_t t, real_t *u)
@@ -71,7 +76,7 @@ static inline void OF(load_at)(const struct OF(walk) *w, real_t t, real_t *norma
     table_at(w->load, w->j, t, normal);
 }
 
-/* Sliding speed of contact e within the step being tried, as a polynomial of the fraction. */
+/* Compute the sliding speed of contact e within the attempted step, as a polynomial of the fraction of the step. */
 static inline void OF(polynomial)(const struct OF(walk) *w, int e, real_t *a)
 {
     const struct plant *P = w->P;
@@ -84,7 +89,7 @@ static inline void OF(polynomial)(const struct OF(walk) *w, int e, real_t *a)
     a[2] = r[1] - r[0];
     a[3] = r[2] - r[1];
     a[4] = -r[2];
-    if (RARE(P->follows)) { /* the slope of the drive between its values, of the same order */
+    if (RARE(P->follows)) { /* add the drive's slope, interpolated to the same order */
         real_t h = w->tried_h, share = P->element[e].drive_rate;
         real_t d0 = S->u[AT_START][SLOPE], d1 = h * S->u[AT_START][CURVATURE];
         real_t end = S->u[AT_END][SLOPE] - d0 - d1, turn = h * S->u[AT_END][CURVATURE] - d1;
@@ -98,15 +103,15 @@ static inline void OF(polynomial)(const struct OF(walk) *w, int e, real_t *a)
     }
 }
 
-/* How much it matters that a contact goes on smoothly beyond its reversal for `lasts` [s], up to a speed: over the local
- * error. */
+/* Return the error, over the local error, of continuing a contact smoothly beyond its reversal for `lasts` [s], up to a
+ * speed [m/s]. */
 static real_t OF(kink_error)(const struct OF(walk) *w, int e, real_t lasts, real_t speed)
 {
     real_t kink = OF(is_static)(w->P, e) ? r_abs(speed) : OF(kink)(w->P, e, w->step.next, r_abs(speed));
     return lasts * kink / w->local;
 }
 
-/* Where a contact reverses whose speed has another sign in the middle or at the end of the step. */
+/* Return the cut at the reversal of a contact whose speed has another sign in the middle or at the end of the step. */
 static struct cut OF(cut_at_reversal)(const struct OF(walk) *w, int e, const real_t *a, real_t v, real_t v_middle,
                                       real_t v_new)
 {
@@ -127,13 +132,15 @@ static struct cut OF(cut_at_reversal)(const struct OF(walk) *w, int e, const rea
     return (struct cut){R(1.0), e, NOTHING};
 }
 
-/* Where a contact reverses that may slide back for a moment between the instants at which its speed is known. */
+/* Return the cut at the reversal of a contact that slides back for a moment only, between the times at which its speed
+ * is known. */
 static struct cut OF(cut_at_dip)(const struct OF(walk) *w, int e, const real_t *a, real_t v)
 {
     real_t side = w->on.side[e], low = least_speed(side, a);
     if (!(low < R(1.0) && speed_at(low, a) * side < R(0.0)))
         return (struct cut){R(1.0), e, NOTHING};
-    /* In the middle it slides forward: before a late minimum, whatever rounding left at first. */
+    /* The contact slides forward in the middle of the step, and so before a late minimum, whatever rounding shows at
+     * the start. */
     bool late = low > R(0.5);
     real_t turns = speed_reached(R(0.0), late ? R(0.5) : R(0.0), low, side, a);
     if (!(OF(kink_error)(w, e, R(2.0) * (low - turns) * w->tried_h, speed_at(low, a)) > KINK))
@@ -143,7 +150,7 @@ static struct cut OF(cut_at_dip)(const struct OF(walk) *w, int e, const real_t *
     return (struct cut){turns, e, STOPS};
 }
 
-/* Where contact e ends the step being tried. */
+/* Return the cut of the attempted step by contact e. */
 static inline struct cut OF(cut_of)(const struct OF(walk) *w, int e, const real_t *middle)
 {
     const struct plant *P = w->P;
@@ -159,7 +166,7 @@ static inline struct cut OF(cut_of)(const struct OF(walk) *w, int e, const real_
     return OF(cut_at_dip)(w, e, a, v);
 }
 
-/* Where the first contact ends the step being tried. */
+/* Return the earliest cut of the attempted step by a contact. */
 static inline struct cut OF(find_cut)(const struct OF(walk) *w)
 {
     struct cut first = {R(1.0), 0, NOTHING};
@@ -177,7 +184,7 @@ static inline struct cut OF(find_cut)(const struct OF(walk) *w)
     return first;
 }
 
-/* The state, drive and normal force at a fraction of the step being tried, and what the plant does there. */
+/* Compute state, drive, normal force, dq/dt and forces at the fraction theta of the attempted step. */
 HOT void OF(inspect)(const struct OF(walk) *w, real_t theta, real_t *q, real_t *u, real_t *normal, real_t *dq,
                      real_t *force)
 {
@@ -187,8 +194,8 @@ HOT void OF(inspect)(const struct OF(walk) *w, real_t theta, real_t *q, real_t *
     OF(slope)(w->P, &w->on, q, u, normal, dq, force);
 }
 
-/* Whether the held contacts (those that would have to carry more than this share of their breakaway), or the branches of
- * the laws, have ended at a fraction of the step. */
+/* Return true if, at the fraction theta of the step, a held contact needs more than the fraction `share` of its
+ * breakaway force (HELD), or a law has left its branch (BRANCHES). */
 static bool OF(ended)(const struct OF(walk) *w, real_t theta, enum end_of what, real_t share)
 {
     real_t q[ROOM_STATES], dq[ROOM_STATES], force[ROOM_ELEMENTS], u[DERIVATIVES], normal[DERIVATIVES];
@@ -201,8 +208,8 @@ static bool OF(ended)(const struct OF(walk) *w, real_t theta, enum end_of what, 
     return false;
 }
 
-/* The fraction of the step, up to `most`, at which the first held contact lets go, or the first law leaves its branch; 2
- * if none does. */
+/* Return the fraction of the step, up to `most`, at which the first held contact starts to slide, or the first law
+ * leaves its branch; 2 if there is none. */
 static real_t OF(first_end)(const struct OF(walk) *w, enum end_of what, real_t share, real_t most)
 {
     real_t low = R(0.0), high = R(2.0);
@@ -226,8 +233,8 @@ static real_t OF(first_end)(const struct OF(walk) *w, enum end_of what, real_t s
     return high;
 }
 
-/* Cuts the step being tried where a held contact lets go, or a law leaves its branch. Returns whether its contacts slow
- * down at the cut. */
+/* Cut the attempted step where a held contact starts to slide or a law leaves its branch. Return true if the contacts
+ * slow down at the cut. */
 static bool OF(cut_at_ends)(struct OF(walk) *w)
 {
     const struct plant *P = w->P;
@@ -252,7 +259,8 @@ static bool OF(cut_at_ends)(struct OF(walk) *w)
     return slows;
 }
 
-/* How many times that a bristle of contact e relaxes, at the speed with which the step ends, lie in it. */
+/* Return the length of the step over the relaxation time of contact e's bristles at the speed at which the step
+ * ends. */
 static real_t OF(unstable)(const struct OF(walk) *w, int e)
 {
     const struct OF(step) *S = &w->step;
@@ -260,7 +268,7 @@ static real_t OF(unstable)(const struct OF(walk) *w, int e)
     return S->fast[e] * r_abs(v_new) / r_max(r_abs(v), STILL);
 }
 
-/* Whether contact e can be held. */
+/* Return true if the friction of contact e can carry the load at rest. */
 static bool OF(can_be_held)(const struct OF(walk) *w, int e)
 {
     const struct OF(step) *S = &w->step;
@@ -271,8 +279,8 @@ static bool OF(can_be_held)(const struct OF(walk) *w, int e)
     return r_abs(force[e]) <= HOLDS * OF(breakaway)(w->P, e, w->q, S->normal[AT_START]);
 }
 
-/* How many times within the step friction that falls with speed makes the speed grow e-fold. Beyond 1/gamma the linear
- * system of the step has the wrong sign: it would slide the other way. */
+/* Return the length of the step over the time in which friction that falls with speed increases the speed by e. Beyond
+ * 1/gamma the linear system of the step has the wrong sign, and the contact would slide the other way. */
 static inline real_t OF(grown)(const struct OF(walk) *w)
 {
     real_t most = R(0.0);
@@ -281,7 +289,7 @@ static inline real_t OF(grown)(const struct OF(walk) *w)
     return most;
 }
 
-/* Puts each internal state on its branch at an instant. */
+/* Choose the branch of each internal state at a time. */
 static void OF(put_on_branches)(const struct plant *P, struct OF(regime) *on, const real_t *q, const real_t *u,
                                 const real_t *normal)
 {
@@ -290,7 +298,7 @@ static void OF(put_on_branches)(const struct plant *P, struct OF(regime) *on, co
     OF(choose_branches)(P, on, q, u, dq);
 }
 
-/* Turns the sides of bristle contacts to how they slide now. */
+/* Update the sides of bristle contacts to their present direction of sliding. */
 static inline void OF(turn)(struct OF(walk) *w, const real_t *u)
 {
     for (int e = 0; e < ELEMENTS(w->P); e++)

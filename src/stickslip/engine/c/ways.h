@@ -1,13 +1,15 @@
-/* Ways of a drive: where a segment of a table turns, and when it comes to a value. */
+/* Monotone sections ("ways") of a drive: turning points of a segment, and the times at which it reaches a value. */
 #ifndef STICKSLIP_WAYS_H
 #define STICKSLIP_WAYS_H
 
 #include "table.h"
 
-#define WAYS_LOOKS R(2.5464790894703255) /* per radian of the fastest harmonic, for turning points: 8 / pi */
-#define WAYS_INSTANT R(4e-16)            /* of an interval, to which an instant is found */
+/* Number of samples per radian of the fastest harmonic in the search for turning points: 8 / pi. */
+#define WAYS_LOOKS R(2.5464790894703255)
+/* Relative accuracy of a time. */
+#define WAYS_INSTANT R(4e-16)
 
-/* u by the formula of segment i. */
+/* Return u at the time t by the formula of segment i. */
 static inline real_t value_at(const struct table *drive, int64_t i, real_t t)
 {
     real_t u[DERIVATIVES];
@@ -15,13 +17,14 @@ static inline real_t value_at(const struct table *drive, int64_t i, real_t t)
     return u[VALUE];
 }
 
-/* Where segment i ends, at most at `end`, and never before it starts. */
+/* Return the end of segment i, at most `end`, and never before the segment's start. */
 static inline real_t way_end(const struct table *drive, int64_t i, real_t end)
 {
     return table_next_break(drive, i, r_max(end, drive->start[i]));
 }
 
-/* The first instant known to be past a change of sign between low and high, of that derivative of segment i. */
+/* Return the time between low and high at which a derivative of segment i has just changed from the sign of `sign`, by
+ * bisection. */
 static inline real_t changes(const struct table *drive, int64_t i, real_t low, real_t high, real_t sign, int derivative)
 {
     real_t u[DERIVATIVES];
@@ -38,7 +41,7 @@ static inline real_t changes(const struct table *drive, int64_t i, real_t low, r
     return high;
 }
 
-/* The angular frequency of the fastest harmonic of segment i within a time from its start. */
+/* Return the largest angular frequency of the harmonics of segment i within a time from the segment's start. */
 static inline real_t fastest_within(const struct table *drive, int64_t i, real_t time)
 {
     real_t fastest = R(0.0);
@@ -47,7 +50,7 @@ static inline real_t fastest_within(const struct table *drive, int64_t i, real_t
     return fastest;
 }
 
-/* The first instant after a, before b, at which segment i turns; b if it does not. */
+/* Return the first time between a and b at which segment i turns; b if it does not. */
 static inline real_t turning(const struct table *drive, int64_t i, real_t a, real_t b)
 {
     const real_t *c = drive->polynomial[i];
@@ -65,7 +68,7 @@ static inline real_t turning(const struct table *drive, int64_t i, real_t a, rea
             sign = u[SLOPE];
         } else if (u[SLOPE] * sign < R(0.0)) {
             return changes(drive, i, left, t, sign, SLOPE);
-        } else if (bent * sign < R(0.0) && u[CURVATURE] * sign > R(0.0)) { /* between two looks it may turn twice */
+        } else if (bent * sign < R(0.0) && u[CURVATURE] * sign > R(0.0)) { /* between two samples it may turn twice */
             real_t flattest = changes(drive, i, left, t, bent, CURVATURE), there[DERIVATIVES];
             table_at(drive, i, flattest, there);
             if (there[SLOPE] * sign < R(0.0))
@@ -77,7 +80,7 @@ static inline real_t turning(const struct table *drive, int64_t i, real_t a, rea
     return b;
 }
 
-/* When segment i, monotone from a to b, is at the value. */
+/* Return the time between a and b, where segment i is monotone, at which it has the value. */
 static inline real_t reached(const struct table *drive, int64_t i, real_t a, real_t b, real_t value)
 {
     const real_t *c = drive->polynomial[i];
