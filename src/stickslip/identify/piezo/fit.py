@@ -257,8 +257,7 @@ def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) 
 
 
 def named(found: Solution, grid: PlayGrid) -> Values:
-    """Return coefficients by name, SI: weight_1, ..., offset_1, ..., gain, and curvature, skew, creep if
-    any."""
+    """Return coefficients by name, SI: weight_1, ..., offset_1, ..., gain; if any, curvature, skew, creep."""
     values = {f"weight_{i}": float(w) for i, w in enumerate(found.weights, start=1)}
     if grid.zones.size:
         values["curvature"] = found.curvature
