@@ -38,7 +38,7 @@ def arguments_of(function: Callable[..., Any], *names: str, **types: Any) -> typ
     Args:
         function: the function; its arguments have annotations, and its docstring has a section "Args".
         names: names of arguments with the same type in the file as in the function.
-        types: types of further arguments in the file, by name, where they differ from the function's.
+        types: types in the file of further arguments, by name, where they differ from the function's.
 
     Raises:
         TypeError: the function has no such argument.

@@ -38,11 +38,11 @@ from .units import ANGLE, QuantityError, to_si
 T = TypeVar("T")
 _UNKNOWN = "unknown_field"
 _TAG = ("union_tag_invalid", "union_tag_not_found")
-_NAMED = (_UNKNOWN, *_TAG)  # types of errors whose message already names the key
+_NAMED = (_UNKNOWN, *_TAG)  # pydantic's types of errors for which `reason` names the key in its message
 
 
 class InputFileError(ValueError):
-    """An input file cannot be used. The message names the file and the field."""
+    """Error: an input file cannot be used. The message names the file and the field."""
 
 
 def quantity(unit: str) -> BeforeValidator:
@@ -116,8 +116,8 @@ def fields_of(record: type, *names: str) -> type[RecordFields]:
     """Return the schema of a part of a file that gives some fields of a record.
 
     Each value is a number, or a text with a unit, in the range that the record declares. Instead of a length
-    the file may give an angle, because it does not say whether its actuator is rotary. Such a text is
-    converted only when the record is made.
+    the file may give an angle, because this part of the file does not say whether the actuator is rotary.
+    Such a text is converted only when the record is constructed.
 
     Args:
         record: class of the record, whose fields declare a `Quantity`.
@@ -138,14 +138,15 @@ def fields_of(record: type, *names: str) -> type[RecordFields]:
 
 
 def _default(value: Any) -> Any:
-    """Return a field's default for pydantic; infinity and records, which JSON lacks, are hidden from the
-    schema."""
+    """Return the default of a field in the form that pydantic takes. Infinity, NaN and records, for which
+    JSON has no value, are not shown in the JSON schema."""
     endless = isinstance(value, float) and not math.isfinite(value)
     return Field(default_factory=lambda: value) if endless or hasattr(value, "_fields") else value
 
 
 def _number(name: str, field: RecordField) -> Any:
-    """Return the schema's type of a field of a record that has a `Quantity`: it checks unit and range."""
+    """Return the pydantic type of a record's field that has a `Quantity`. It checks unit and range, and
+    allows an angle instead of a length. `name` is the name of the field, for messages."""
     quantity = field.quantity
     turned = field._replace(quantity=quantity.along(ANGLE))
 
@@ -177,7 +178,8 @@ def _number(name: str, field: RecordField) -> Any:
 
 
 def _with_parts(kind: Any) -> Any:
-    """Return the schema's type of a field without a `Quantity`; a record in it becomes a `Part`."""
+    """Return the pydantic type of a record's field without a `Quantity`, from its annotation `kind`. A
+    record, or a record that may be None, becomes a `Part`; other annotations are returned unchanged."""
     kinds = [one for one in get_args(kind) or (kind,) if one is not NoneType]
     if len(kinds) > 1 or not hasattr(kinds[0], "_fields"):
         return kind
@@ -208,12 +210,13 @@ class RecordPart:
         )
 
 
-# Type of a schema's field that is a record: ``slip: Part[Slip] = Field(default_factory=Slip)``.
+# Annotation of a schema's field that is a record: ``slip: Part[Slip] = Field(default_factory=Slip)``.
 Part = Annotated[T, RecordPart()]
 
 
 def _as_content(value: Any) -> Any:
-    """Return a value as in a file: a record as a mapping of its fields, infinity and NaN as text."""
+    """Return a value as it is written in a file: a record as a mapping of its fields by name (records in it,
+    too), infinity and NaN as text."""
     if hasattr(value, "_asdict"):
         return {name: _as_content(one) for name, one in value._asdict().items()}
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
@@ -243,7 +246,8 @@ def load_yaml(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict
 
 
 def _change(content: dict[str, Any], change: str) -> None:
-    """Set one value in the content of a file, as `load_yaml` describes; create missing mappings on the way.
+    """Set one value in the `content` of a file, in place, by a text "FIELD=VALUE" as `load_yaml` describes;
+    create missing mappings that lead to the field.
 
     Raises:
         InputFileError: the text is not "FIELD=VALUE", or its field is no place in the content.
@@ -292,8 +296,8 @@ def explain(
 
     Args:
         path: path of the file.
-        error: errors of the schema.
-        inside: place of the content in the file, such as "steps.0.".
+        error: all errors of the schema; the message gives the number of those that it does not show.
+        inside: place of the content in the file, such as "steps.0.", if only a part of the file was checked.
         content: content that was checked; only keys that it contains are shown as the place of the error.
     """
     found = error.errors(include_url=False)
@@ -301,7 +305,7 @@ def explain(
     place = _keys(content, first["loc"]) + [
         str(part) for part in first["loc"][-1:] if first["type"] == "missing"
     ]
-    # Without a place the error is that of the whole file, such as a missing "kind".
+    # An error without a place concerns the whole file; it is then shown at the key "kind".
     where = (inside + ".".join(place)).rstrip(".") or ("" if first["type"] in _NAMED else "kind")
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     message = f"{reason(first)}{more}"
@@ -311,7 +315,8 @@ def explain(
 
 
 def _other_command(content: Any) -> str:
-    """Return a hint to the command for which a file seems to be written, by its keys; "" if none fits."""
+    """Return a sentence that names the command for which a file seems to be written, judged by its keys; ""
+    if no command fits."""
     keys = set(content) if isinstance(content, dict) else set()
     kinds = {
         "study": "measure" in keys,
@@ -326,7 +331,8 @@ def _other_command(content: Any) -> str:
 
 
 def reason(error: Any) -> str:
-    """Return the message of one error of a schema (an item of pydantic's `errors()`), without its place."""
+    """Return the message of one error (an item of pydantic's `errors()`), without its place in the file.
+    Messages of QuantityError, and about wrong words, are those of this package; others are pydantic's."""
     cause = error.get("ctx", {}).get("error")
     if isinstance(cause, QuantityError):
         return str(cause)
@@ -334,7 +340,8 @@ def reason(error: Any) -> str:
 
 
 def _about_kind(error: Any) -> str:
-    """Return the message if the key that selects a part's kind is wrong or missing; "" for other errors."""
+    """Return the message for an error of pydantic about the key that selects the schema of a part, such as
+    "kind", if the key is missing or has an unknown value; "" for other errors."""
     if error["type"] not in _TAG:
         return ""
     key = error["ctx"]["discriminator"].strip("'")
@@ -348,7 +355,8 @@ def _about_kind(error: Any) -> str:
 
 
 def _about_choice(error: Any) -> str:
-    """Return the message if a value is none of the few allowed words; "" for other errors."""
+    """Return the message for an error of pydantic about a value that must be one of a few words; "" for other
+    errors."""
     if error["type"] != "literal_error":
         return ""
     words = re.findall("'([^']*)'", error["ctx"]["expected"])

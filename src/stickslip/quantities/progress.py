@@ -9,7 +9,8 @@ Progress = Callable[[str, float], None]
 
 
 def unheard(doing: str, done: float) -> None:
-    """Ignore the progress of a call: the default of `progress` arguments."""
+    """Do nothing with the activity and the finished fraction of a call: the default of `progress`
+    arguments."""
 
 
 def within(progress: Progress, begin: float, length: float, doing: str, done: float) -> None:

@@ -22,19 +22,19 @@ from .units import ANGLE, Coordinate, QuantityError, coordinate_of, to_si, with_
 
 T = TypeVar("T")
 
-# Most numbers that one call may keep: 1.6 GB in double precision, a fifth of 8 GB, a small computer's memory.
+# Largest number of numbers that one call may keep: 1.6 GB in double precision, a fifth of 8 GB.
 MOST_NUMBERS = 200_000_000
 
-# Descriptions of the allowed values of a type, for errors.
+# Words for the allowed values of a type, for error messages.
 _PLAIN: dict[Any, str] = {bool: "True or False", str: "a text", NoneType: "None"}
 
 
 class Quantity(NamedTuple):
     """Unit, symbol, meaning and range of a record's field: ``Annotated[float, Quantity("N/m", "σ₀", ...)]``.
 
-    `minimum` and `maximum` are the least and greatest allowed values; values must be greater than `above` and
-    less than `below`. Bounds are in the SI unit; None is no bound. Infinity is refused unless it is the
-    `maximum` (-infinity: the `minimum`).
+    `unit` is the SI unit for a linear actuator. `minimum` and `maximum` are the least and greatest allowed
+    values; values must be greater than `above` and less than `below`. Bounds are in the SI unit; None is no
+    bound. Infinity is refused unless it is the `maximum` (-infinity: the `minimum`).
     """
 
     unit: str
@@ -46,7 +46,8 @@ class Quantity(NamedTuple):
     below: float | None = None
 
     def along(self, coordinate: Coordinate) -> Quantity:
-        """Return the same quantity with the unit for a coordinate: along `ANGLE` a length is in rad."""
+        """Return the same quantity with the unit for a coordinate (`LENGTH`, `ANGLE`): for `ANGLE`, m becomes
+        rad. The bounds are not changed."""
         return self._replace(unit=coordinate.unit(self.unit))
 
     def range_text(self) -> str:
@@ -84,7 +85,7 @@ class Quantity(NamedTuple):
             raise QuantityError(f"{error}: {self.meaning} must be {self.range_text()}") from None
         if not self.allows(number):
             shown = repr(value) if isinstance(value, str) else f"{number:.12g} {self.unit}".strip()
-            endless = math.inf in (self.maximum, -(self.minimum or 0.0))  # infinity is an allowed value
+            endless = math.inf in (self.maximum, -(self.minimum or 0.0))  # True if infinity is in range
             wrong = "out of range" if endless or math.isfinite(number) else "not finite"
             raise QuantityError(f"{field} = {shown} is {wrong}: {self.meaning} must be {self.range_text()}")
         return number
@@ -115,7 +116,7 @@ class Field(NamedTuple):
 
 @functools.cache
 def fields_with_quantity(record_type: type) -> dict[str, Field]:
-    """Return the fields of a record that have a `Quantity`, by name, in order."""
+    """Return the declaration of each field of a record type that has a `Quantity`, by name, in order."""
     found = {}
     for name, hint in get_type_hints(record_type, include_extras=True).items():
         for extra in getattr(hint, "__metadata__", ()):
@@ -128,7 +129,7 @@ def fields_with_quantity(record_type: type) -> dict[str, Field]:
 
 @functools.cache
 def _kinds(record_type: type) -> dict[str, Any]:
-    """Return the type of each field that takes only booleans, texts, records or None, by name."""
+    """Return the annotation of each field that allows only booleans, texts, records or None, by name."""
 
     def known(kind: Any) -> bool:
         return kind in _PLAIN or hasattr(kind, "_fields")
@@ -138,12 +139,12 @@ def _kinds(record_type: type) -> dict[str, Any]:
 
 
 def quantities(record_type: type) -> dict[str, Quantity]:
-    """Return the `Quantity` of each field that has one, in order of the fields."""
+    """Return the `Quantity` of each field of a record type that has one, by name, in order of the fields."""
     return {name: field.quantity for name, field in fields_with_quantity(record_type).items()}
 
 
 def quantities_of(one: Any, owner: Any = None) -> dict[str, Quantity]:
-    """Return the `Quantity` of each field of a record, by name.
+    """Return the `Quantity` of each field of a record that has one, by name.
 
     Args:
         one: the record.
@@ -160,7 +161,7 @@ def quantities_within(model: Any) -> dict[str, Quantity]:
 
 
 def sequences(record_type: type) -> frozenset[str]:
-    """Return the names of the record's fields that are tuples of values with a `Quantity`."""
+    """Return the names of a record type's fields that are tuples of values with a `Quantity`."""
     return frozenset(name for name, field in fields_with_quantity(record_type).items() if field.sequence)
 
 
@@ -199,7 +200,8 @@ def _bind(
     Args:
         record_type: class of the record.
         args, kwargs: arguments by position and by name.
-        specs: fields with a `Quantity`, for the message about a missing one.
+        specs: fields that have a `Quantity`, by name; the message about a missing field gives meaning and
+            range.
 
     Raises:
         QuantityError: an argument is missing, unknown, given twice or one too many.
@@ -229,7 +231,7 @@ def _bind(
 def _as_text(self: Any, owner: Any = None) -> str:
     """Return a record as text in one line, with units. ``repr`` shows SI numbers with all digits instead.
 
-    `owner` is the record to which it belongs, see `quantities_of`.
+    `owner` is the record to which this one belongs, see `quantities_of`; it determines the units.
     """
     known, parts = quantities_of(self, owner), []
     for name, value in self._asdict().items():
@@ -302,7 +304,7 @@ def record(named_tuple: type[T]) -> type[T]:
         return type(self) is type(other) and tuple.__eq__(self, other)  # type: ignore[arg-type]
 
     def __ne__(self: Any, other: object) -> bool:
-        return not self == other  # else tuple's __ne__ compares values only: a Dahl may equal a LuGre
+        return not self == other  # tuple's own __ne__ would compare only values: a Dahl might equal a LuGre
 
     namespace = {
         "__slots__": (),
@@ -365,7 +367,7 @@ def same(one: Any, other: Any) -> bool:
     """
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(one, other, equal_nan=np.asarray(one).dtype.kind in "fc")
-    if isinstance(one, float) and isinstance(other, float):  # includes NumPy's float64
+    if isinstance(one, float) and isinstance(other, float):  # true for NumPy's float64, too
         return one == other or (one != one and other != other)
     if type(one) is not type(other):
         return False
@@ -383,7 +385,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def numbers_in(value: Any) -> Iterator[Any]:
-    """Yield all values but None of a record and of the records and tuples in it, in order of the fields."""
+    """Yield all values of a record and of the records and tuples in it, in order, without None."""
     if isinstance(value, tuple):
         for inner in value:
             yield from numbers_in(inner)
@@ -392,7 +394,7 @@ def numbers_in(value: Any) -> Iterator[Any]:
 
 
 def with_numbers(value: Any, numbers: Iterator[float]) -> Any:
-    """Return a record with other numbers, in the order of `numbers_in`, without checks; None stays None."""
+    """Return a copy of a record with the next `numbers`, in the order of `numbers_in`, without checks."""
     if isinstance(value, tuple):
         return tuple.__new__(type(value), [with_numbers(inner, numbers) for inner in value])
     return None if value is None else next(numbers)

@@ -41,12 +41,12 @@ _PACKAGE = __name__.partition(".")[0]
 # Functions that register a user's own object of some kinds; of all others, `add` of the registry does.
 _REGISTERING = {"law": "ss.friction.register", "reader": "stickslip.recording.readers.source.add_format"}
 _USING = threading.RLock()
-_USED: dict[str, tuple[str, ModuleType]] = {}  # path of a user's file -> hash of its content, its module
-_RUNS: ContextVar[bool] = ContextVar("runs", default=True)  # False within `nothing_run`
+_USED: dict[str, tuple[str, ModuleType]] = {}  # users' files by path: hash of the content, and module
+_RUNS: ContextVar[bool] = ContextVar("runs", default=True)  # False in the context `nothing_run`
 
 
 class RegistryError(QuantityError):
-    """A name is unknown or ambiguous, or a user's file cannot be used. The message lists the known names."""
+    """Error: a name is unknown (the message lists others) or ambiguous, or a user's file cannot be used."""
 
 
 class Kind:
@@ -61,8 +61,8 @@ class Kind:
 
     def __init__(self, noun: str, plural: str, *rooms: str) -> None:
         self.noun, self.plural, self._rooms = noun, plural, tuple(f"{_PACKAGE}.{room}" for room in rooms)
-        self._things: dict[str, dict[str, Any]] = {}  # objects by name, then by `origin`
-        self._called: dict[Any, str] = {}  # registered names of classes that differ from their __name__
+        self._things: dict[str, dict[str, Any]] = {}  # registered objects by name, then by `origin`
+        self._called: dict[Any, str] = {}  # registered names of classes that differ from __name__
 
     def add(self, thing: T, name: str = "", maker: Any = None) -> T:
         """Register an object and return it; usable as a decorator of classes.
@@ -147,17 +147,17 @@ class Kind:
         return f"{place}:{name}" if place.endswith(".py") and name not in self._installed() else name
 
     def written(self, thing_type: type) -> dict[str, str]:
-        """Return what results record about a type, {"law": "LuGre"}, with its origin as "law_of" if the type
-        is not the package's own."""
+        """Return the items with which results name a type, such as {"law": "LuGre"}: the kind's noun and the
+        name. A type that is not the package's own also gets its `origin`, as "law_of"."""
         place = origin(thing_type)
         said = {self.noun: self._called.get(thing_type, thing_type.__name__)}
         return {**said, f"{self.noun}_of": place} if place else said
 
     def of_results(self, said: Any) -> Any:
-        """Return the object that results name. No user's file is run for it.
+        """Return the object that results name; no user's file is run.
 
         Args:
-            said: content of the results with the items that `written` returned.
+            said: mapping that contains the items which `written` returned.
 
         Raises:
             RegistryError: the object is unknown, and the user has to name the file that defines it.
@@ -176,8 +176,8 @@ class Kind:
         raise RegistryError(not_run(self.noun, name, str(place)))
 
     def of_client(self, said: Any) -> Any:
-        """Return the type that another program of the same user names, as `written` returned it there. A
-        user's file that it names is run."""
+        """Return the type that another program of the same user names by the items `said`, which `written`
+        returned there. A user's file that defines the type is run. Errors as for `of_results`, `use_file`."""
         place = str(said.get(f"{self.noun}_of", ""))
         if place.endswith(".py") and not self.installed(str(said[self.noun])):
             use_file(place)
@@ -219,7 +219,7 @@ def not_run(noun: str, name: str, place: str) -> str:
 
 
 def own_path(text: str) -> tuple[str, str]:
-    """Split ``path.py:Name`` into path and name; for any other text return "" and the text."""
+    """Return the pair of path and name of ``path.py:Name``; for any other text, ("", text)."""
     path, colon, name = text.rpartition(":")
     return (path, name) if colon and path.endswith(".py") else ("", text)
 
@@ -238,7 +238,7 @@ def origin(thing: Any) -> str:
 
 @contextmanager
 def nothing_run() -> Iterator[None]:
-    """Forbid to run new files of users within the context, such as while files are only listed or cited.
+    """Let `use_file` raise RegistryError for new files in this context, as while files are only listed.
 
     Files that were run before stay usable.
     """
@@ -279,7 +279,7 @@ def use_file(path: str | os.PathLike[str]) -> ModuleType:
     """Run a user's own Python file once, and return its module. Objects that it registers are then known.
 
     The file is run again only if its content has changed. A file that Python has already imported is not run.
-    It can import modules only from where Python finds them: the file's own folder is not added.
+    The file can import only modules that Python finds: the file's own folder is not added to the search path.
 
     Args:
         path: the Python file.
@@ -327,9 +327,9 @@ def _not_run_here(text: str, path: str = "") -> str:
 
 
 def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
-    # The module gets the same name in every process, wherever the file is: pickled records refer to it.
+    # The name of the module, to which pickled records refer, is the same in every process.
     name = f"own_{file.stem}_{content[:8]}"
-    if name in sys.modules:  # another file with the same name and content was run before
+    if name in sys.modules:  # a file in another folder with the same name and content was run before
         name += f"_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
@@ -383,8 +383,8 @@ def _import_room(room: str) -> None:
 
 
 @cache
-def _entry_points(path: tuple[str, ...]) -> Any:  # EntryPoints; before Python 3.12 SelectableGroups
-    del path  # sys.path, only a key of the cache: a folder that is added may contain entry points
+def _entry_points(path: tuple[str, ...]) -> Any:
+    del path  # `path` is sys.path, only a key of the cache: a new folder in it may contain entry points
     return entry_points()
 
 

@@ -21,16 +21,18 @@ Dataset = TypeVar("Dataset")
 
 
 class QuantityError(ValueError):
-    """A value has the wrong dimension, is out of range, or is no number. The message names the field."""
+    """Error: a value has the wrong dimension, is out of range, or is no number. The message names the
+    field."""
 
 
 _NUMBER = re.compile(
     r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?\b|nan\b)", re.ASCII | re.IGNORECASE
 )
-# Units of this form only are given to pint, which evaluates powers: "m^9^9^9^9" would keep it busy for ever.
+# Only units of this form are given to pint, because pint evaluates powers: "m^9^9^9^9" would take it for
+# ever.
 _TERM = r"\(*[A-Za-zµμΩÅ°%_]+(?:(?:\*\*|\^)[+-]?\d{1,2}|⁻?[¹²³⁴])?\)*"
 _UNIT = re.compile(rf"1?|(?:1?\s*/\s*)?{_TERM}(?:(?:\s*[/*·⋅.]\s*|\s+){_TERM})*")
-LONGEST_UNIT = 60  # characters of a unit, above which it is refused; those of instruments have up to 20
+LONGEST_UNIT = 60  # largest number of characters of a unit; units in files of instruments have up to 20
 
 
 @cache
@@ -47,14 +49,15 @@ def _units(text: str) -> Any:
     written = text.replace("µ", "u").replace("μ", "u")
     try:
         return _registry().parse_units("1" + written if written.startswith("/") else written)
-    except Exception as error:  # pint raises a dozen kinds, tokenizer errors among them
+    except Exception as error:  # pint raises a dozen types of errors, also those of Python's tokenizer
         raise QuantityError(f"has the unknown unit '{text}'") from error
 
 
 def _radians_per_cycle(units: Any, wanted: Any) -> float:
-    """Return the factor from `units` to `wanted` that pint omits: 2π from Hz to rad/s, 1/(2π) back, else 1.
+    """Return the factor from `units` to `wanted` (units of pint) that pint omits: 2π from Hz to an angular
+    frequency, 1/(2π) back, else 1.
 
-    pint takes both for 1/s, and would read "525.7 Hz" as 525.7 rad/s.
+    For pint, Hz and rad/s are both 1/s, so that it would convert "525.7 Hz" to 525.7 rad/s.
     """
     angle = re.compile("radian|degree|turn|revolution")
     if "hertz" in str(units) and angle.search(str(wanted)):
@@ -68,7 +71,8 @@ _EXPONENTS = {"": 0, "p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "k
 
 
 def _prefix_power(unit: str, si_unit: str) -> int | None:
-    """Return n if a unit is 10^n SI units by its prefixes alone ("N/um": 6 for "N/m"); else None.
+    """Return n if a unit is 10^n SI units, and differs from `si_unit` only by prefixes ("N/um": 6 for "N/m");
+    else None.
 
     This avoids importing pint, which takes a third of a second.
     """
@@ -92,9 +96,12 @@ def _prefix_power(unit: str, si_unit: str) -> int | None:
 
 @lru_cache(maxsize=1024)
 def _parse(text: str, si_unit: str) -> float:
-    """Return the number of a text with a unit, converted to `si_unit`; without a unit it is in SI already.
+    """Return the number of a text with a unit, converted to `si_unit`; a text without a unit is in `si_unit`
+    already.
 
-    The message of a QuantityError continues the sentence "FIELD = TEXT ...", for the caller to complete.
+    Raises:
+        QuantityError: the text cannot be read, or has another dimension. The message continues the sentence
+            "FIELD = TEXT ...", whose start the caller adds.
     """
     written = _NUMBER.match(text)
     if written is None:
@@ -113,11 +120,12 @@ def _parse(text: str, si_unit: str) -> float:
     if not math.isfinite(number):
         return number
     convert = _registry().Quantity
-    if convert(0.0, units).to(wanted).magnitude != 0.0:  # a scale with an offset, such as °C
+    if convert(0.0, units).to(wanted).magnitude != 0.0:  # a unit whose zero is not 0 in SI, such as °C
         return float(convert(number, units).to(wanted).magnitude)
     factor = convert(1.0, units).to(wanted).magnitude * _radians_per_cycle(units, wanted)
     power = round(math.log10(factor))
-    if math.isclose(factor, 10.0**power, rel_tol=1e-12):  # exact: "1.399 N/um" is the same float as 1.399e6
+    # For a power of ten, shift the decimal point, so that "1.399 N/um" is exactly the float 1.399e6.
+    if math.isclose(factor, 10.0**power, rel_tol=1e-12):
         return float(Decimal(written[0]).scaleb(power))
     return float(number * factor)
 
@@ -184,7 +192,7 @@ def array_si(values: Any, unit: str, field: str = "values") -> NDArray[np.float6
         raise QuantityError(
             f"{field} is not of numbers but {array.dtype} (expected {unit or 'plain numbers'})"
         )
-    if array.dtype.kind in "OU":  # the array contains strings
+    if array.dtype.kind in "OU":  # an array of objects or of strings
         read = [to_si(one, own or unit, field) for one in array.ravel().tolist()]
         array = np.array(read, dtype=float).reshape(array.shape)
     array = array.astype(float)
@@ -214,22 +222,25 @@ _TAKES_PREFIX = re.compile(r"(?:m|s|V|A|N|Hz|W|J|C|rad)(?:[ /]|$)")
 
 
 def with_prefix(value: float, unit: str, digits: int = 4) -> str:
-    """Return a value as text with an SI prefix: ``with_prefix(3.2e-7, "m")`` is "320 nm".
+    """Return a value in an SI unit as text with an SI prefix and `digits` significant digits:
+    ``with_prefix(3.2e-7, "m")`` is "320 nm".
 
     The prefix goes to the first unit ("105.7 nm/V", "1.399 MN/m"); kg and powers get none, rad/s none of
     thousands ("3303 rad/s", but "1.3 mrad/s").
     """
     if value == 0 or not math.isfinite(value) or _TAKES_PREFIX.match(unit) is None:
         return f"{value:.{digits}g} {unit}".strip()
-    rounded = f"{value:.{digits - 1}e}"  # round before the prefix is chosen: 999.99 nm becomes 1 µm
+    rounded = f"{value:.{digits - 1}e}"  # round first, because 999.99 nm must become 1 µm, not 1000 nm
     most = 0 if unit == "rad/s" else 9
     exponent = min(max(3 * (int(rounded.partition("e")[2]) // 3), -12), most)
-    # At least the three digits before the point: "130 nm", never "1.3e+02 nm".
+    # At least three digits, as many as are before the decimal point: "130 nm" instead of "1.3e+02 nm".
     return f"{float(rounded) / 10.0**exponent:.{max(digits, 3)}g} {_PREFIXES[exponent]}{unit}"
 
 
 def near_one(value: float, digits: int = 4) -> str:
-    """Return a number such as r² with `digits` decimals, or with more if it is close to 1: "0.9999935"."""
+    """Return a number, such as a coefficient of determination r², as text with `digits` decimals, or with
+    more if it
+    is below 1 by less than these show: "0.9999935"."""
     lacking = 1.0 - value
     if 0.0 < lacking < 0.5 * 10.0**-digits:
         digits = max(digits, 1 - math.floor(math.log10(lacking)))
@@ -255,10 +266,11 @@ def same_dimension(quantity: Any, unit: str) -> bool:
 
 
 class Coordinate(NamedTuple):
-    """Kind of position of a model, length or angle, with the units and words that follow from it.
+    """Kind of position of a model, length or angle, with the units and words that follow from it: `LENGTH`,
+    `ANGLE`.
 
-    `position` is the unit of positions, "m" or "rad". `units` replaces units of a linear model ("N" by
-    "N m"), and `words` replaces words ("force" by "torque"); both are empty for a length.
+    `position` is the unit of positions, "m" or "rad". `units` maps units of a linear model to those that
+    replace them ("N" to "N m"), and `words` maps words ("force" to "torque"); both are empty for a length.
     """
 
     position: str
@@ -299,13 +311,14 @@ ANGLE = Coordinate(
 
 
 def coordinate_of(what: Any) -> Coordinate:
-    """Return `ANGLE` for a model that is `rotary` or the text "rad", else `LENGTH`."""
+    """Return `ANGLE` for the text "rad", or for an object whose attribute `rotary` is True; else `LENGTH`."""
     rotary = what == ANGLE.position if isinstance(what, str) else getattr(what, "rotary", False)
     return ANGLE if rotary else LENGTH
 
 
 def unit_for(model: Any, unit: str) -> str:
-    """Return the unit for a model that corresponds to a linear model's: for a rotary one "rad" for "m"."""
+    """Return the unit of a model's quantity, given the `unit` of this quantity for a linear model: for a
+    rotary model and "m", return "rad"."""
     return coordinate_of(model).unit(unit)
 
 

@@ -36,7 +36,7 @@ class Drive(NamedTuple):
 
 
 def constant(value: float) -> Drive:
-    """Return a drive with one constant value."""
+    """Return the segment table of a drive that has this value at all times."""
     return Drive(
         float(value),
         np.zeros(1),
@@ -47,7 +47,8 @@ def constant(value: float) -> Drive:
 
 
 def value_slope_curvature(drive, i, t):
-    """Return u, du/dt and d²u/dt² at time t [s] by the formula of segment i."""
+    """Return the value u, du/dt and d²u/dt² at the time t [s] by the formula of segment i, also outside the
+    segment."""
     tau = t - drive.start[i]
     c1, c2, c3 = drive.polynomial[i, 1], drive.polynomial[i, 2], drive.polynomial[i, 3]
     u = drive.polynomial[i, 0] + tau * (c1 + tau * (c2 + tau * c3))
@@ -81,13 +82,13 @@ def evaluate(drive: Drive, t: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     times = np.atleast_1d(np.asarray(t, dtype=float))
     segment = segment_at(drive, times)
     tau = times - drive.start[segment]
-    order = np.flatnonzero(drive.polynomial.any(axis=0)).max(initial=1)  # highest power in use
+    order = np.flatnonzero(drive.polynomial.any(axis=0)).max(initial=1)  # highest power that any segment has
     values, slopes = drive.polynomial[:, order][segment], np.zeros_like(tau)
-    for c in drive.polynomial.T[order - 1 :: -1]:  # Horner's rule for value and slope
+    for c in drive.polynomial.T[order - 1 :: -1]:  # Horner's method for the polynomial and its derivative
         slopes = values + tau * slopes
         values = c[segment] + tau * values
     count = np.diff(drive.first)[segment] if len(drive.harmonic) else np.zeros(0, dtype=np.int64)
-    for j in range(count.max(initial=0)):  # the j-th harmonic of every segment with more than j harmonics
+    for j in range(count.max(initial=0)):  # add the j-th sine of the segments that have more than j sines
         has = count > j
         amplitude, omega, phase, chirp = drive.harmonic[drive.first[segment[has]] + j].T
         angle = phase + tau[has] * (omega + chirp * tau[has])

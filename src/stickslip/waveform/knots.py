@@ -16,7 +16,7 @@ from .periodic import Periods, check_periods
 from .pieces import repeat_table, wrapped
 from .signal import Unit, breaks_within, signal_record, slope_at, value_at
 
-_CLOSEST = 1e-6  # smallest time between knots, as a fraction of the period; a sawtooth has the same limit
+_CLOSEST = 1e-6  # smallest time between two knots over the period; the same limit as for a sawtooth
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class PeriodicKnots(NamedTuple):
         return math.inf if self.periods is None else self.periods * self.period
 
     def range(self) -> tuple[float, float]:
-        """Return the exact least and greatest value of the drive, which the knots have."""
+        """Return the exact least and greatest value of the drive: those of the knots."""
         return min(self.values), max(self.values)
 
     def drive(self, duration: float) -> Drive:

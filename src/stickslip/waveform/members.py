@@ -32,7 +32,7 @@ class Drives(NamedTuple):
 
 
 def member_of(drives, m):
-    """Return the segment table of member m, as views."""
+    """Return the segment table of member m, whose arrays are views of those in `drives`."""
     return Drive(drives.before[m], drives.start[m], drives.polynomial[m], drives.first[m], drives.harmonic[m])
 
 
@@ -61,7 +61,7 @@ def stacked(tables: Sequence[Drive]) -> Drives:
 
 
 def columns_of(values: Sequence[Any], count: int) -> Array:
-    """Return an array [members, values].
+    """Return the values of all members as an array [members, values].
 
     Args:
         values: each a number common to all members, or an array with a number per member.
@@ -126,7 +126,8 @@ def repeat_curves(
         before = polynomial[:, 0, :1]
         start = np.concatenate([np.zeros((len(start), 1)), start[:, 1:]], axis=1)
     tiled = _whole(durations / period, periods) * period[:, None, None] + start[:, None, :]
-    tiled[:, 1:] *= 1 - 2.0**-51  # earlier by the rounding error, as in `pieces.repeat_table`
+    # Start later periods earlier by two units in the last place; `pieces.repeat_table` gives the reason.
+    tiled[:, 1:] *= 1 - 2.0**-51
     end = None if periods is None else (periods * period)[:, None]
     none = np.zeros((len(start), 0, 4))
     return _tiled(tiled, polynomial, [0] * start.shape[1], none, before, end, durations)
@@ -157,7 +158,7 @@ def _tiled(
     Args:
         start: start of each segment, s, [members, periods, n].
         polynomial: coefficients of the segments of one period, [members, n, 4].
-        rows: number of rows of `harmonic` of each segment of one period, [n].
+        rows: number of sines (rows of `harmonic`) in each segment of one period, [n].
         harmonic: sines of one period, [members, rows, 4], as in `Drive`.
         rest: value at rest, [members, 1].
         end: time from which each member rests, s, [members, 1]; None: never.

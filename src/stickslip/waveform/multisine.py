@@ -15,8 +15,11 @@ from .drive import Drive
 from .pieces import Piece, assemble
 from .signal import Unit, breaks_within, signal_record, slope_at, value_at
 
-_POINTS_PER_CYCLE = 32  # grid points per cycle of the fastest sine; one is then within 0.5 % of its crest
-_LARGEST_GRID = 20_000_000  # largest number of grid points times sines for the range; it takes about 0.3 s
+# Number of grid points per cycle of the fastest sine in the search for its range. The largest value on the
+# grid is then within 0.5 % of the crest of this sine.
+_POINTS_PER_CYCLE = 32
+# Largest number of grid points times number of sines in that search; it takes about 0.3 s.
+_LARGEST_GRID = 20_000_000
 
 
 @signal_record
@@ -90,7 +93,7 @@ class Multisine(NamedTuple):
             return self.offset - bound, self.offset + bound
         waves = self.components()
         t = np.linspace(0.0, horizon, math.ceil(cycles * _POINTS_PER_CYCLE) + 1)
-        high = max(0.0, _crest(waves, t))  # at least 0: the drive rests at the offset before t = 0
+        high = max(0.0, _crest(waves, t))  # at least 0, because before t = 0 the drive is at the offset
         waves[:, 0] *= -1
         return float(self.offset - max(0.0, _crest(waves, t))), float(self.offset + high)
 
@@ -108,7 +111,7 @@ def schroeder_phases(amplitudes: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     power = np.square(amplitudes)
     share = power / power.sum() if power.any() else power
-    below = np.concatenate([[0.0], np.cumsum(share)[:-1]])  # sum of the p_j with j < k
+    below = np.concatenate([[0.0], np.cumsum(share)[:-1]])  # for each k, the sum of all p_j with j < k
     return np.pi / 2 - 2 * np.pi * np.cumsum(below)
 
 
@@ -125,13 +128,17 @@ def _sum(waves: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float
 
 
 def _crest(waves: NDArray[np.float64], t: NDArray[np.float64]) -> float:
-    """Return the greatest value of a sum of sines in the interval of the uniform grid t [n], s.
+    """Return the greatest value of a sum of sines in an interval.
 
-    The crests near the greatest grid values are refined by Newton's method. `waves` is as for `_sum`.
+    The largest values on a grid are found, and the crests near them by Newton's method.
+
+    Args:
+        waves: the sines, as for `_sum`.
+        t: uniform grid over the interval [n], s.
     """
     values = _sum(waves, t)[0]
     step = t[1] - t[0]
-    # upper bound of the distance from a crest to the nearest grid value, from the largest possible curvature
+    # Largest amount by which a crest can exceed the nearest grid value, from the largest possible curvature.
     short_by = np.sum(np.abs(waves[:, 0]) * waves[:, 1] ** 2) * step**2 / 8
     near = t[values >= values.max() - short_by]
     crest = near

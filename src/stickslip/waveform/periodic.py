@@ -54,7 +54,7 @@ def _drives(w: Any, durations: NDArray[np.float64]) -> Drives:
         w: the waveform.
         durations: end of each member's table [members], s.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):  # a stroke of no duration divides by zero
+    with np.errstate(divide="ignore", invalid="ignore"):  # a rise or fall in no time divides by zero
         return repeat_members(w.pieces(), w.frequency, w.periods, w.offset, durations)
 
 

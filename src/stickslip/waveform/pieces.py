@@ -15,7 +15,7 @@ from .drive import Drive, segment_at
 # A segment whose start is closer to the end of the drive than this, relative to the end, is left out, because
 # the difference is a rounding error: 8 periods of 0.1 s in 0.8 s must not leave a ninth of 1e-16 s.
 SLIVER = 1e-12
-# Largest number of periods of a table; more would need gigabytes of memory.
+# Largest number of periods in a table; more would need gigabytes of memory. QuantityError is raised for more.
 MOST_PERIODS = 10_000_000
 
 
@@ -59,7 +59,8 @@ def repeat(
         duration: end of the table, s, finite; later segments are left out.
     """
     one = _table(rest, pieces)
-    # (k + fraction)/f: errors do not accumulate over periods, and a sampling time n/rate at a start equals it
+    # The starts are (k + fraction)/f for period k: rounding errors do not accumulate over the periods, and a
+    # sampling time n/rate that coincides with a start is the same float.
     whole = np.arange(_begun(duration, 1 / frequency, periods))[:, None]
     start = (whole + one.start) / frequency
     return _tiled(one, start, None if periods is None else periods / frequency, duration)
@@ -75,8 +76,8 @@ def repeat_table(one: Drive, period: float, periods: float | None, duration: flo
         duration: end of the table, s, finite; later segments are left out.
     """
     start = np.arange(_begun(duration, period, periods))[:, None] * period + one.start
-    # k T + t is rounded twice. The starts are made earlier by two units in the last place, so that a sample
-    # taken at the start of a segment belongs to this segment and not to the one before.
+    # The starts k T + t are rounded twice. They are made earlier by two units in the last place, so that a
+    # sample at the start of a segment belongs to this segment, and not to the previous one.
     start[1:] *= 1 - 2.0**-51
     return _tiled(one, start, None if periods is None else periods * period, duration)
 
@@ -119,7 +120,8 @@ def polynomials(start: NDArray[np.float64], polynomial: NDArray[np.float64]) -> 
 
 
 def cut(drive: Drive, duration: float) -> Drive:
-    """Return the drive without the segments that start at `duration` [s] or later; the first one is kept."""
+    """Return the drive without the segments that start at `duration` [s] or later; the first segment is
+    always kept."""
     count = max(1, int(np.searchsorted(drive.start, duration * (1 - SLIVER))))
     rows = drive.first[count]
     return Drive(
@@ -157,7 +159,8 @@ def by_periods(drive: Drive, period: float | None, duration: float) -> Drive:
 
 
 def with_breaks(drive: Drive, times: NDArray[np.float64]) -> Drive:
-    """Return the same signal in a table with additional segment boundaries at `times` [s]."""
+    """Return a table of the same signal in which a segment also starts at each of `times` [s], none of them
+    negative."""
     start = np.union1d(drive.start, times)
     of = segment_at(drive, start)
     tau = (start - drive.start[of])[:, None]

@@ -114,7 +114,7 @@ class Sampled:
             if start[0] > 0:
                 start, polynomial = np.append(0.0, start), np.vstack([[self.values[0], 0, 0, 0], polynomial])
             return cut(polynomials(start, polynomial), duration)
-        # time from the last sample to the first one of the next period; if it is 0, the signal jumps there
+        # Time from the last sample to the first sample of the next period; if 0, the signal jumps there.
         around = start[0] + (self.period - start[-1])
         if self.interpolation == "linear" and around > 0:
             polynomial[-1, 1] = (self.values[0] - self.values[-1]) / around

@@ -48,7 +48,7 @@ class Sequence:
 
     @property
     def unit(self) -> str:
-        """Unit of all parts: "V", "m" or "rad"."""
+        """Return the unit of all parts: "V", "m" or "rad"."""
         return self.parts[0][0].unit
 
     @property
@@ -83,7 +83,7 @@ class Sequence:
 
 
 def _timed(part: Any, field: str) -> tuple[Waveform, float]:
-    if hasattr(part, "drive"):  # checked before pairs, because records are tuples too
+    if hasattr(part, "drive"):  # test this first, because a waveform that is a record is also a tuple
         if not math.isfinite(part.duration):
             raise QuantityError(
                 f"{field} is an endless {type(part).__name__}: give (waveform, duration in s), or periods"

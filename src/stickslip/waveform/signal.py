@@ -67,7 +67,8 @@ def slope_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
 def breaks_within(waveform: Waveform, duration: float | str) -> NDArray[np.float64]:
     """Return the break points of a waveform: the times [s] in [0, duration) at which a segment starts.
 
-    At these times the signal may have a jump or a kink. The first break point is 0.
+    At these times the signal may have a jump or a kink. The first break point is 0. Raises QuantityError
+    unless the duration is above 0 and finite.
     """
     return waveform.drive(DURATION.check(duration, "duration")).start.copy()
 
@@ -77,7 +78,8 @@ def _evaluated(waveform: Waveform, t: ArrayLike, which: int) -> NDArray[np.float
     if not np.all(np.isfinite(times)):
         raise QuantityError("t [s] must be finite times")
     last = max(float(times.max(initial=0.0)), 0.0)
-    table = waveform.drive(last * (1 + 1e-9))  # a little longer, to include a jump at the last time
+    # A table to the last time would leave out a jump at this time, so take a slightly longer one.
+    table = waveform.drive(last * (1 + 1e-9))
     return evaluate(table, times)[which].reshape(times.shape)[()]
 
 
@@ -102,7 +104,7 @@ def signal_record(named_tuple: type[T]) -> type[T]:
         try:
             given: dict[str, Any] = named_tuple(*args, **kwargs)._asdict()  # type: ignore[attr-defined]
         except TypeError:
-            return checked_new(cls, *args, **kwargs)  # its error names the missing or unknown field
+            return checked_new(cls, *args, **kwargs)  # raises QuantityError for a missing or unknown field
         check_unit(given["unit"], cls.__name__)
         for name, quantity in following.items():
             quantity = quantity._replace(unit=quantity.unit.replace("V", given["unit"]))
@@ -145,7 +147,8 @@ def check_range(waveform: Waveform, minimum: float | str, maximum: float | str) 
         minimum, maximum: limits in the unit of the waveform, or strings with units.
 
     Raises:
-        QuantityError: the waveform exceeds a limit; the message names the value reached and the limit.
+        QuantityError: the waveform exceeds a limit (the message names the value reached and the limit), or a
+            limit is not a number.
     """
     unit = waveform.unit
     least, most = to_si(minimum, unit, "minimum"), to_si(maximum, unit, "maximum")
@@ -156,6 +159,7 @@ def check_range(waveform: Waveform, minimum: float | str, maximum: float | str) 
     ):
         if math.isnan(limit):
             raise QuantityError(f"the limit of the drive is no number (expected {unit})")
-        if sign * (value - limit) > 1e-12 * abs(limit):  # tolerates rounding: 0.1 V + 0.2 V
+        # An excess by rounding is allowed: 0.1 V + 0.2 V does not exceed 0.3 V.
+        if sign * (value - limit) > 1e-12 * abs(limit):
             shown, name = with_prefix(value, unit, 6), type(waveform).__name__
             raise QuantityError(f"{name} reaches {shown}, {words} of {with_prefix(limit, unit, 6)}")

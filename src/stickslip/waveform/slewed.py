@@ -36,7 +36,8 @@ class Slewed:
 
     @property
     def duration(self) -> float:
-        """Return the duration, s: the duration of the source and the time of a last jump over its range."""
+        """Return the duration, s: that of the source, plus the time of a ramp over the source's whole
+        range."""
         low, high = self.source.range()
         return self.source.duration + (high - low) / self.rate
 
@@ -94,7 +95,9 @@ def _meeting(table: Drive, i: int, last: float, rate: float, longest: float) -> 
         longest: duration of the segment, s; the search ends if the ramp takes as long.
     """
     taken = abs(_at(table, i, 0.0) - last) / rate
-    for _ in range(100):  # fixed-point iteration; it converges by the segment's slope over the slew rate
+    # Fixed-point iteration; the error decreases in each step by the ratio of the segment's slope to the slew
+    # rate.
+    for _ in range(100):
         before, taken = taken, abs(_at(table, i, taken) - last) / rate
         if taken >= longest or abs(taken - before) <= 1e-14:
             break
