@@ -1,4 +1,5 @@
-"""A parameter set and a waveform with the changes of the option --set and similar ones."""
+"""Models and waveforms for the command line: a parameter set, and a drive, with the changes of --set and
+--law."""
 
 from __future__ import annotations
 

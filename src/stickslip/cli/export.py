@@ -39,7 +39,8 @@ BenchName = Annotated[
 
 
 class FmuKind(StrEnum):
-    """Kind of an FMU: its inputs and outputs."""
+    """Kind of a functional mock-up unit, which determines its inputs and outputs: the plant, an observer of
+    its state, or a feedforward control."""
 
     PLANT = "plant"
     OBSERVER = "observer"

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class FileKind(StrEnum):
-    """Kinds of files with a schema."""
+    """Kinds of files for which `schema` prints a JSON Schema."""
 
     JOB = "job"
     EXPERIMENT = "experiment"

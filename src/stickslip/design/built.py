@@ -74,18 +74,18 @@ class OptimisedActuator:
 
     @property
     def model(self) -> Actuator:
-        """Return the best actuator, its friction at the reference normal force."""
+        """Return the best actuator; its friction is that at the reference normal force, without `load`."""
         return built(self.best.space, self.best.found)
 
     @property
     def unit(self) -> str:
-        """Return the unit of the goal for this model."""
+        """Return the SI unit of the goal for the best model (rad instead of m for a rotary actuator)."""
         return unit_for(self.model, self.goal.unit)
 
     @property
     def load(self) -> float:
-        """Return the normal force of the best actuator relative to the reference, for `load=` of a
-        simulation."""
+        """Return the best normal force relative to the reference, as the normal load of a simulation; 1 if
+        "load" is not free."""
         space = self.best.space
         return float(self.best.found[space.names.index("load")]) if "load" in space.names else 1.0
 

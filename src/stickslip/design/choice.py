@@ -24,8 +24,8 @@ MOST_ROUNDS = 20
 # Number of first candidates, from each of which a set is built: the candidates with the best single scores.
 # The best candidate for each draw of the parameters is used in addition.
 MOST_BEGINS = 64
-# Score, instead of infinity, of a set that does not identify the goal: multiplied by 1 + the number of
-# unidentified parameter combinations, so that such sets can be ranked.
+# Score that replaces infinity for a set that does not identify the goal. It is multiplied by 1 + the number
+# of unidentified parameter combinations, so that such sets can be ranked.
 UNTOLD = 1e6
 
 

@@ -1,7 +1,8 @@
 """Drives of the points of a map: stroke, frequency, mirror image.
 
 The mirror image of a drive reverses its voltage within its range: u becomes u_low + u_high - u. An actuator
-without load, weight or bias walks back by it exactly as far as it walks forward by the drive.
+without load, weight or bias walks back under the mirror image exactly as far as it walks forward under the
+drive.
 """
 
 from __future__ import annotations

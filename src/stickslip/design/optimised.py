@@ -76,7 +76,7 @@ class OptimisedWaveform:
 
     @property
     def unit(self) -> str:
-        """Return the unit of the goal for this model."""
+        """Return the SI unit of the goal for this model (rad instead of m for a rotary actuator)."""
         return unit_for(self.model, self.goal.unit)
 
     @property

@@ -37,19 +37,20 @@ class Plan:
     Attributes:
         recordings: recordings to make, by name, in the order of their information: the first ones are a good
             plan too.
-        dataset: over "parameter", "candidate" and "count" (of recordings made, in their order); half-widths
-            of 95 % intervals are shares of the value, or in the parameter's unit where that is 0. `value`
-            (SI); `half_width` with all recordings, `worst_half_width` over the draws, `default_half_width` by
-            the default recording of equal time; `expected` [count, parameter]; `alone` [candidate,
-            parameter]; `narrower`, the default's half-width over the plan's. For each candidate: `voltage`
-            (greatest minus least, V), `frequency` (Hz, NaN if the drive has none), `taken`, how often it is
-            recorded, and `gain`, the factor by which its standard error of the goal is smaller than the
-            default's at equal time.
-        correlation: expected correlation, over "parameter" and "other".
+        dataset: over "parameter", "candidate" and "count" (number of recordings made, in their order). All
+            half-widths are those of 95 % intervals, as shares of the value, or in the parameter's unit if the
+            value is 0. For each parameter: `value` (SI); `half_width` with all recordings;
+            `worst_half_width`, the largest one over the draws; `default_half_width` by the default recording
+            in equal time; and `narrower`, the latter over `half_width`. `expected` [count, parameter] and
+            `alone` [candidate, parameter] are half-widths with the first recordings, and with a single
+            candidate. For each candidate: `voltage` (greatest minus least, V); `frequency` (Hz, NaN if the
+            drive has none); `taken`, how often it is recorded; and `gain`, the default's standard error of
+            the goal over the candidate's at equal time.
+        correlation: expected correlation of the fitted parameters, over "parameter" and "other".
         goal: name of the goal that the plan optimises.
         model: the actuator with which the recordings were simulated.
         limits: limits that the recordings keep.
-        left_out: candidates that were excluded, and the reasons.
+        left_out: reasons why candidates were excluded, by the names of the candidates.
         undetermined: parameters that all candidates together do not identify; they are not part of the goal.
     """
 

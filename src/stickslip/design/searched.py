@@ -89,7 +89,8 @@ class Searched(NamedTuple):
         return made
 
     def scaled(self, random: np.random.Generator) -> Searched:
-        """Return the search with its `scale`: the largest magnitude of the goal over random sawtooths.
+        """Return the search with its `scale`: the largest magnitude of the goal over random sawtooths, for
+        the unchanged model.
 
         Raises:
             QuantityError: none of them has a steady motion, or the goal is 0 with all of them.

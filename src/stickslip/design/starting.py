@@ -85,7 +85,8 @@ def start(
     sample_rate: float | None,
     noise: Any,
 ) -> Start:
-    """Return the starting point of a plan; arguments as for `plan_experiment`.
+    """Return the starting point of a plan. `source` is the argument `model` of `plan_experiment`, an actuator
+    or a fit; the other arguments are as for `plan_experiment`.
 
     Raises:
         QuantityError: an argument does not fit; the message names it.
@@ -180,7 +181,8 @@ def _noise(noise: Any, sample_rate: float | None, fit: Fit | None, unit: str) ->
 
 
 def _rate(fit: Fit | None) -> float | None:
-    """Return the common sample rate of all recordings of a fit, Hz; None if they differ."""
+    """Return the common sample rate of all recordings of a fit, Hz; None without a fit or if the rates
+    differ."""
     if fit is None or not fit.times or not all(t.size > 1 for t in fit.times):
         return None
     rates = [(t.size - 1) / float(t[-1] - t[0]) for t in fit.times]

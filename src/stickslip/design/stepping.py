@@ -1,8 +1,8 @@
-"""Limits of stepping: the least voltage, the force that stops it, and the highest frequency.
+"""Limits of stepping: the least voltage, the force that stops the actuator, and the highest frequency.
 
-Each is searched on points over the whole range at once, and then between two of them on ever closer points.
-The step need not be monotonic, so each function says which crossing it returns, and warns if there are
-others.
+Each limit is searched on points over the whole range at once, and then between two of them on ever closer
+points. The step need not be monotonic, so each function says which crossing it returns, and warns if there
+are others.
 """
 
 from __future__ import annotations

@@ -39,7 +39,8 @@ class Elastoplastic(NamedTuple):
 
     def _check(self) -> None:
         check_stiction(self)
-        least = self.coulomb_force / self.sigma_0  # least z_ss, at high speed
+        # Smallest deflection z_ss of steady sliding, m, which is reached at high speed.
+        least = self.coulomb_force / self.sigma_0
         if self.breakaway_deflection >= least:
             raise QuantityError(
                 f"Elastoplastic.breakaway_deflection = {self.breakaway_deflection:g} m is out of range: "

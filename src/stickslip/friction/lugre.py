@@ -44,7 +44,8 @@ def lugre(law, v, z):
     sigma_1 = law.sigma_1
     if law.damping_velocity < math.inf:
         sigma_1 *= math.exp(-((v * (1.0 / law.damping_velocity)) ** 2))
-    # in this order, because with constant g the processor need not wait for the division
+    # The division is separate from z and v: with constant g (F_S = F_C) the processor can compute it in
+    # advance.
     dz = v - abs(v) * z * (law.sigma_0 / g)
     return law.sigma_0 * z + sigma_1 * dz + law.sigma_2 * v, dz
 

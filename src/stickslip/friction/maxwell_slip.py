@@ -25,15 +25,16 @@ from ..quantities.units import QuantityError
 from .law import Branches, register
 from .stribeck import stribeck_curve
 
-# An element at its limit slides, even if rounding puts it just below.
+# Ratio of the deflection to the limit from which an element slides; it is below 1 because of rounding errors.
 ON_LIMIT = 1.0 - 1e-12
 # Branches of an element. STICKS: its spring deflects. FOLLOWS: it slides, its strength rises, and the spring
 # follows the strength. DRAWN: it slides, and its force falls to a strength that decreases.
 STICKS, FOLLOWS, DRAWN = 0, 1, 2
-# Share of its deflection by which a spring that follows a rising strength lags behind it. Branches change at
-# multiples of this share.
+# Lag of a spring that follows a rising strength, as a fraction of its deflection. The branch of an element
+# changes at multiples of this fraction.
 LAG = 1e-8
-# Largest such lag within an integration step. The step is not cut below it, because its end corrects the lag.
+# Largest lag of this kind within an integration step. A step with a smaller lag is not cut, because its end
+# corrects the lag.
 STRAYS = 1e-3
 
 
@@ -102,7 +103,14 @@ def element_rate(law, v, z):
 
 def over_limit(law, speed, growth, z):
     """Return the relative excess of the deflection over the slip deflection, and its growth relative to the
-    speed. Above a growth of 1 the spring cannot follow."""
+    speed. Above a growth of 1 the spring cannot follow.
+
+    Args:
+        law: record of the element.
+        speed: sliding speed |v|, m/s.
+        growth: its rate d|v|/dt, m/s^2.
+        z: deflection in the direction of sliding, m.
+    """
     fall = 0.0
     if law.stiction != law.strength:
         fall = (law.stiction - law.strength) * math.exp(-((speed / law.stribeck_velocity) ** 2))
@@ -111,7 +119,9 @@ def over_limit(law, speed, growth, z):
 
 
 def element_choose(law, speed, growth, z):
-    branch = STICKS  # always for an elastic-perfectly-plastic element: its bound does the rest
+    # An elastic-perfectly-plastic element (stiction equal to strength) is always on this branch; its bound
+    # `element_bound` makes it slide.
+    branch = STICKS
     if law.stiction > law.strength:
         over, rises = over_limit(law, speed, growth, z)
         falls = growth > LAG * law.attraction_rate * law.stribeck_velocity
@@ -123,7 +133,9 @@ def element_choose(law, speed, growth, z):
 
 
 def element_branch_rate(law, speed, z, branch):
-    dz = speed  # for an elastic-perfectly-plastic element below its bound, and for a sticking one
+    # The spring takes the whole motion on the branch STICKS, and in an elastic-perfectly-plastic element
+    # below its bound.
+    dz = speed
     if law.stiction <= law.strength:
         if over_limit(law, speed, 0.0, z)[0] >= ON_LIMIT - 1.0:
             dz = 0.0
@@ -142,7 +154,8 @@ def element_left(law, speed, growth, z, branch):
         return 3.0 * LAG - over
     if branch == DRAWN:
         return over + 0.1 * LAG
-    # Above its strength only if that falls faster than a growing normal force relaxes the spring.
+    # On the branch FOLLOWS the force is above the strength only if the strength falls faster than a growing
+    # normal force relaxes the spring.
     falls = growth > 2.0 * LAG * law.attraction_rate * law.stribeck_velocity and over > 0.0
     return -1.0 if falls or rises > 1.001 else over + STRAYS
 

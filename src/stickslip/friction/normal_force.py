@@ -118,15 +118,24 @@ def softening(force: Any, n: float) -> float:
 
 def kept(force: Any, ratio: float) -> float:
     """Return the factor on the deflection at a jump of the load; `ratio` is the old load divided by the new
-    one."""
+    one.
+
+    The deflection is ζ of the module, that at the reference load.
+    """
     return ratio if ratio < 1.0 else ratio ** (1.0 - force.stiffness_exponent)
 
 
 def leaning(force: Any, f: float) -> float:
-    """Return the factor on a friction force f [N] by its direction (asymmetry)."""
+    """Return the factor on a friction force f [N] by its direction (asymmetry).
+
+    The factor is 1 + a for a positive force and 1 - a otherwise, with the asymmetry a.
+    """
     return 1.0 + force.asymmetry if f > 0.0 else 1.0 - force.asymmetry
 
 
 def uniform(force: Any) -> bool:
-    """Return True if the normal force is the same along the stroke."""
+    """Return True if the normal force is the same along the stroke.
+
+    This is so without ripple, and with a slope or a power of 0.
+    """
     return force.slope * force.power == 0.0 and force.ripple == 0.0

@@ -21,12 +21,13 @@ from typing import Annotated, NamedTuple
 from ..quantities.records import Quantity, record
 from .law import Branches, register
 
-# A bristle at its limit slides, even if rounding puts it just below.
+# Ratio of the deflection to the limit from which the bristle slides; it is below 1 because of rounding
+# errors.
 ON_LIMIT = 1.0 - 1e-12
-# Largest relative lag of the state behind its limit under a growing normal force.
+# Lag of the deflection behind its limit under a growing normal force, as a fraction of the limit.
 LAG = 1e-8
-# Branches: the bristle deflects, or it stays at its limit, without damping, whatever a growing normal force
-# does.
+# Branches of the law. STICKS: the bristle deflects. SLIDES: the bristle stays at its limit, without damping,
+# even if the normal force grows.
 STICKS, SLIDES = 0, 1
 
 

@@ -23,11 +23,13 @@ from .law import register
 def stribeck_curve(v, coulomb_force, stiction_force, stribeck_velocity, exponent):
     """Return g(v) [N], the magnitude of the steady sliding friction without its viscous part; at least
     F_C."""
-    if stiction_force <= coulomb_force:  # constant friction needs no exponential
+    # Without stiction above the Coulomb force the friction is constant, and no exponential is needed.
+    if stiction_force <= coulomb_force:
         return coulomb_force
     if v == 0.0:
         return stiction_force
-    ratio = abs(v) * (1.0 / stribeck_velocity)  # faster than a division that waits for v
+    # The processor can compute the reciprocal in advance; a division of |v| would have to wait for v.
+    ratio = abs(v) * (1.0 / stribeck_velocity)
     power = ratio * ratio if exponent == 2.0 else ratio**exponent
     return coulomb_force + (stiction_force - coulomb_force) * math.exp(-power)
 
@@ -59,7 +61,8 @@ class Stribeck(NamedTuple):
 
     coulomb_force: Annotated[float, Quantity("N", "F_C", "Coulomb friction", minimum=0)]
     stiction_force: Annotated[float, Quantity("N", "F_S", "stiction", minimum=0)]
-    # For a smaller Stribeck velocity use StictionCoulombViscous: the curve falls within rounding of v = 0.
+    # With a smaller Stribeck velocity than this minimum the friction falls within rounding errors of v = 0;
+    # use StictionCoulombViscous instead.
     stribeck_velocity: Annotated[float, Quantity("m/s", "v_s", "Stribeck velocity", minimum=1e-7)] = 1e-3
     sigma_2: Annotated[float, Quantity("N s/m", "σ₂", "viscous friction", minimum=0)] = 0.0
     exponent: Annotated[float, Quantity("", "δ", "exponent of the Stribeck curve", above=0, maximum=10)] = 2.0

@@ -105,7 +105,8 @@ def unzipped(raw: bytes, source: str, most: int = MOST_RESULT_BYTES) -> bytes:
     """
     try:
         found = gzip.GzipFile(fileobj=io.BytesIO(raw)).read(most + 1)
-    except Exception as error:  # damage raises OSError, EOFError, ValueError or zlib.error
+    # Damaged gzip data raise OSError, EOFError, ValueError or zlib.error.
+    except Exception as error:
         raise GateError(f"{source}: damaged gzip data ({error})") from error
     if len(found) > most:
         raise GateError(f"{source}: its content has more than {most / 1e6:g} MB")
@@ -186,7 +187,8 @@ def load_toml(raw: bytes | str, source: str) -> dict[str, Any]:
 
 
 def check_depth(content: Any, source: str) -> None:
-    """Raise GateError if lists and mappings are nested more than `MOST_DEPTH` levels deep."""
+    """Raise GateError if the lists and mappings of a parsed text are nested more than `MOST_DEPTH` levels
+    deep; `source` names the text in the message."""
     level: list[Any] = [content]
     for _ in range(MOST_DEPTH + 1):
         level = [one for part in level for one in _parts(part)]
@@ -196,12 +198,13 @@ def check_depth(content: Any, source: str) -> None:
 
 
 def too_large(source: str, size: int, most: int) -> GateError:
-    """Return the error for a text of `size` bytes if `most` are allowed."""
+    """Return the error for a text or file, named `source`, of `size` bytes if `most` bytes are allowed."""
     return GateError(f"{source}: {size / 1e6:.1f} MB; such a file has up to {most / 1e6:g} MB")
 
 
 def too_deep(source: str, line: int = 0) -> GateError:
-    """Return the error for a text that is nested too deeply, at a line number if it is not 0."""
+    """Return the error for a text, named `source`, that is nested too deeply, at a line number (0:
+    unknown)."""
     where = f"line {line}: " if line else ""
     return GateError(
         f"{source}: {where}lists and mappings are within each other more than {MOST_DEPTH} deep; "
@@ -210,14 +213,15 @@ def too_deep(source: str, line: int = 0) -> GateError:
 
 
 def too_many(source: str, most: int) -> GateError:
-    """Return the error for a text with more than `most` values."""
+    """Return the error for a text, named `source`, with more than `most` values."""
     return GateError(
         f"{source}: it holds more than {most:,} values, references counted as often as they are used"
     )
 
 
 def too_long(source: str, line: int = 0) -> GateError:
-    """Return the error for a number of too many digits, at a line number if it is not 0."""
+    """Return the error for a number of too many digits in a text, named `source`, at a line number (0:
+    unknown)."""
     where = f"line {line} has" if line else "it has"
     return GateError(f"{source}: {where} a number of more than {MOST_DIGITS} digits")
 

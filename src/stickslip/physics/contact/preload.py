@@ -47,11 +47,14 @@ class PreloadSpring(NamedTuple):
         return _pressing(self.force + self.stiffness * array_si(rise, "m", "rise"))
 
     def along(self, rise: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
-        """Return the normal force as a function of the position, for a seat that rises by `rise` [m] per
-        metre of stroke.
+        """Return the change of the normal force along the stroke (`NormalForce`) for a seat that rises in
+        proportion to the position, as with a wedge or a guide that is not parallel.
 
-        Use it for a wedge, or a guide that is not parallel. The friction parameters are valid at the preload
-        of the spring; `stiffness_exponent` as in `NormalForce`.
+        The friction parameters are valid at the preload of the spring, at position 0.
+
+        Args:
+            rise: rise of the seat against the spring per length of stroke, without unit.
+            stiffness_exponent: power of the normal force in the bristle stiffness, see `NormalForce`.
 
         Raises:
             QuantityError: a value is out of range.
@@ -77,11 +80,15 @@ class PreloadMagnet(NamedTuple):
         return self.flux_density**2 * self.area / (2.0 * MU_0) / (1.0 + gap / self.length) ** 2
 
     def along(self, gap: float | str, opens: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
-        """Return the normal force as a function of the position, for a gap that starts at `gap` [m] and opens
-        by `opens` [m] per metre of stroke.
+        """Return the change of the normal force along the stroke (`NormalForce`) for a gap that opens in
+        proportion to the position.
 
-        The friction parameters are valid at the force over the initial gap; `stiffness_exponent` as in
-        `NormalForce`.
+        The friction parameters are valid at the force over the initial gap.
+
+        Args:
+            gap: air gap at position 0, m.
+            opens: increase of the gap per length of stroke, without unit.
+            stiffness_exponent: power of the normal force in the bristle stiffness, see `NormalForce`.
 
         Raises:
             QuantityError: a value is out of range.

@@ -20,7 +20,7 @@ class PositionSensor(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the sensor's output."""
+        """Return the unit of the sensor's output, "m"."""
         return "m"
 
     def sense(
@@ -59,7 +59,7 @@ class Interferometer(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the sensor's output."""
+        """Return the unit of the sensor's output, "m"."""
         return "m"
 
     sense = _counted
@@ -77,7 +77,7 @@ class Encoder(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of the sensor's output."""
+        """Return the unit of the sensor's output, "rad"."""
         return "rad"
 
     sense = _counted

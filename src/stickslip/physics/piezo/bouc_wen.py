@@ -137,8 +137,8 @@ def crossing(model, h, u, goal):
 def bent(model, h, u, goal):
     """Return h after the drive has moved from u to the goal.
 
-    h is the hysteretic part [V] at u; u and the goal are drive values [V]. On the way h may change its sign
-    once.
+    The result is in V. h is the hysteretic part [V] at u; u and the goal are drive values [V]. On the way h
+    may change its sign once.
     """
     if goal == u:
         return h
@@ -150,6 +150,8 @@ def bent(model, h, u, goal):
 
 def bouc_wen_slope(model, u, h, up):
     """Return dh/du.
+
+    The result is the change of the hysteretic part h per change of the drive u, without unit.
 
     Args:
         model: the `BoucWen` record.
