@@ -10,7 +10,7 @@ import math
 
 
 def amplifier_settled(amplifier, wanted):
-    """Return the settled output of the amplifier, V, at a constant input `wanted`, V."""
+    """Return the settled output of the amplifier, V, at a constant input `wanted`, V, within its range."""
     return min(max(amplifier.gain * wanted + amplifier.offset, amplifier.low), amplifier.high)
 
 
@@ -23,12 +23,14 @@ def amplifier_after(amplifier, capacitance, wanted, now, h):
     """Return the amplifier's output after h seconds, V: a ramp at the slew rate, then an exponential towards
     the settled output.
 
+    The slew rate is limited by the amplifier itself and by its largest current into the capacitance.
+
     Args:
         amplifier: the amplifier.
         capacitance: capacitance of the piezo, F.
         wanted: constant input of the amplifier during the step, V.
         now: output at the start of the step, V.
-        h: s, the step.
+        h: duration of the step, s.
     """
     target = amplifier_settled(amplifier, wanted)
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * capacitance
@@ -43,13 +45,13 @@ def amplifier_after(amplifier, capacitance, wanted, now, h):
 
 
 def sensor_after(sensor, position, now, h):
-    """Return the position that a sensor of first order (one pole) measures after h seconds, m.
+    """Return the position that a sensor of first order (one pole) measures after h seconds, m or rad.
 
     Args:
-        sensor: the sensor.
-        position: true position during the step, m.
-        now: measured position at the start of the step, m.
-        h: s, the step.
+        sensor: the sensor, with its bandwidth.
+        position: true position during the step, m or rad.
+        now: measured position at the start of the step, m or rad.
+        h: duration of the step, s.
     """
     if math.isinf(sensor.bandwidth):
         return position
@@ -57,10 +59,11 @@ def sensor_after(sensor, position, now, h):
 
 
 def channel_output(chain, seen):
-    """Return the output of a position channel, m, for the delayed position `seen`, m."""
+    """Return the output of a position channel, m or rad, with its scale and offset, for the delayed position
+    `seen`, m or rad."""
     return chain.scale * seen + chain.offset
 
 
 def sensor_output(sensor, seen):
-    """Return the output of the sensor's signal conditioner, V, at the measured position `seen`, m."""
+    """Return the output of the sensor's signal conditioner, V, at the measured position `seen`, m or rad."""
     return seen / sensor.sensitivity - sensor.offset

@@ -90,7 +90,9 @@ def _refuse(model: Any) -> None:
 
 
 def _of_results(file: Path) -> Exported:
-    """Return the actuator that ``stickslip identify`` wrote into a results.json, with sources and chain.
+    """Read the actuator that ``stickslip identify`` wrote into a results.json.
+
+    The sources of fitted values have their standard errors; the signal chain is read if it was fitted.
 
     Raises:
         ExportError: the file cannot be read, is damaged, or has no model of a walk.

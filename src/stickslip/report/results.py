@@ -23,7 +23,7 @@ KIND = "stickslip results, version 1"
 
 @dataclass(frozen=True)
 class Ends:
-    """An interval; an infinite end is null."""
+    """Lower and upper end of an interval with its probability; an infinite end is null."""
 
     low: float | None
     high: float | None
@@ -32,7 +32,8 @@ class Ends:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value with its unit. Some results have further fields."""
+    """A number or array with its unit, and with its uncertainty if known. Some results have further fields.
+    """
 
     value: float | list[Any] | None = field(
         metadata={"description": "A number or an array, SI. Null where there is none; `reason` says why."}
@@ -58,7 +59,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class WrittenColumn:
-    """A column of a table."""
+    """Name and unit of a column of a table."""
 
     name: str
     unit: str | None = field(
@@ -70,7 +71,7 @@ class WrittenColumn:
 
 @dataclass(frozen=True)
 class WrittenTable:
-    """A table of the report."""
+    """A table of the report: caption, columns, rows of cells, and notes below the table."""
 
     caption: str
     columns: list[WrittenColumn]
@@ -82,7 +83,7 @@ class WrittenTable:
 
 @dataclass(frozen=True)
 class Results:
-    """Results of a command of stickslip."""
+    """Content of results.json: the results of a command of stickslip, and its circumstances."""
 
     kind: Literal["stickslip results, version 1"]
     title: str

@@ -65,7 +65,7 @@ def one_task(path: str, number: int) -> None:
         run_task(*_PREPARED[path], number)
     except StudyError:
         raise
-    except Exception as error:  # only its text is sent: the client may be unable to import its type
+    except Exception as error:  # sent as text, because the client may be unable to import the error's type
         raise RuntimeError(told(error)) from None
 
 

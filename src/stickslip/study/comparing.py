@@ -22,9 +22,9 @@ from .store import Store
 class StudyComparison(NamedTuple):
     """Difference of one variable between two stores, over the members that are computed in both.
 
-    `members` is the number of members that differ. `greatest` is the largest difference in `unit`, NaN if no
-    two numbers differ. `alone` is the number of members with a number in one store and NaN in the other; they
-    also count as different.
+    `name` is the variable's name. `members` is the number of members that differ. `greatest` is the largest
+    difference of two numbers in `unit`, NaN if no two numbers differ. `alone` is the number of members with a
+    number in one store and NaN in the other; they also count as different.
     """
 
     name: str

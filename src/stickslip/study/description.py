@@ -106,7 +106,7 @@ def _plain(value: Any) -> Any:
         return value
     if isinstance(value, Callable):
         return repr(value)
-    # Any other object, such as a user's waveform: its type and attributes.
+    # Any other object, such as a user's waveform, is described by its type and attributes.
     return {"is": type(value).__name__, **{k: _plain(v) for k, v in sorted(vars(value).items())}}
 
 

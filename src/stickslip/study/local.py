@@ -51,7 +51,8 @@ def processors() -> int:
 def sigint_blocked() -> Iterator[None]:
     """Provide a context in which SIGINT is blocked, for the start of a child process.
 
-    The child inherits the block, so that Ctrl-C in the terminal does not end it; this process ends it.
+    The child inherits the block, so that Ctrl-C in the terminal does not end it; this process ends it. On
+    Windows the context has no effect.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows cannot block signals
         yield
@@ -119,7 +120,7 @@ class Worker:
         self.process.wait()
         self._listener.join()
         for pipe in (self.process.stdin, self.process.stdout):
-            with contextlib.suppress(OSError):  # closing flushes data that the dead worker cannot read
+            with contextlib.suppress(OSError):  # closing a pipe fails if it has data that nobody reads any more
                 if pipe:
                     pipe.close()
 

@@ -17,7 +17,10 @@ from ..quantities.registry import RegistryError, allowed_file, origin, own_path,
 
 @dataclass(frozen=True)
 class OwnFunction:
-    """A user's function, identified by the path of its file, its name and the SHA-256 hash of the file."""
+    """A user's function: the path of its file, its name, and the file's SHA-256 hash (`content`).
+
+    It can be pickled, called like the function, and imported by other processes.
+    """
 
     path: str
     name: str

@@ -48,7 +48,7 @@ def study_state(path: str | os.PathLike[str]) -> StudyState:
     """Return the progress of a study, given the folder of its store.
 
     Raises:
-        StudyError: the folder is not a store of a study.
+        StudyError: the folder is not a store of a study, or its metadata are damaged.
     """
     store, now = Store(path), time.time()
     layout, status = store.layout, store.layout.variables[-1]

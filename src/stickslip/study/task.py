@@ -16,7 +16,10 @@ from .store import Store
 
 
 class Done(NamedTuple):
-    """Report of a finished task: its number, computing time [s], numbers of members and of failed members."""
+    """Report of a finished task: its number, computing time [s], numbers of members and of failed members.
+
+    A failed member has a status other than 0 (complete).
+    """
 
     number: int
     seconds: float

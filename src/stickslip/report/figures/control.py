@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_MOST_POINTS = 20_000  # a longer recording is drawn with every n-th sample
+# Number of samples from which a recording is thinned for a figure: of a longer one, every n-th sample is
+# drawn.
+_MOST_POINTS = 20_000
 
 
 @drawn

@@ -51,6 +51,7 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
 
     Raises:
         QuantityError: the data cannot be drawn, or the number of axes is wrong.
+        FitError: the fit is not of recordings over time.
     """
     if isinstance(data, Fit):
         return draw_fit(data, axes)

@@ -52,11 +52,11 @@ def demonstration(samples: int = 4001) -> dict[str, xr.Dataset]:
 
 @drawn
 def static_laws(laws: Mapping[str, Any], speed: float) -> Figure:
-    """Draw fig. 2.1: friction force over velocity, with the range of possible forces at rest.
+    """Draw fig. 2.1: friction force over sliding velocity, with the range of possible forces at rest.
 
     Args:
-        laws: static laws by title, four or fewer.
-        speed: half the width of the axis, m/s.
+        laws: static laws by title, four or fewer; each has a panel.
+        speed: largest velocity in both directions, m/s.
     """
     figure = Figure(figsize=(WIDTH, 4.6))
     axes = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
@@ -239,10 +239,10 @@ def there_and_back(recording: xr.Dataset) -> Figure:
 
 @drawn
 def friction_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure:
-    """Draw friction force over displacement, one small panel per law.
+    """Draw friction force over displacement, a small panel for each law, three in a row.
 
     Args:
-        loops: displacement [m] and force [N], arrays (n,), by title.
+        loops: displacement [m] and force [N] of each law, arrays (n,), by title.
     """
     columns = 3
     rows = -(-len(loops) // columns)
