@@ -32,8 +32,7 @@ class Ends:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number or array with its unit, and with its uncertainty if known. Some results have further fields.
-    """
+    """A number or array with its unit and, if known, its uncertainty. Some results have further fields."""
 
     value: float | list[Any] | None = field(
         metadata={"description": "A number or an array, SI. Null where there is none; `reason` says why."}

@@ -120,7 +120,7 @@ class Worker:
         self.process.wait()
         self._listener.join()
         for pipe in (self.process.stdin, self.process.stdout):
-            with contextlib.suppress(OSError):  # closing a pipe fails if it has data that nobody reads any more
+            with contextlib.suppress(OSError):  # closing a pipe fails if it has data that nobody reads
                 if pipe:
                     pipe.close()
 
