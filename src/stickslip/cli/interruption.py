@@ -86,8 +86,8 @@ class Interruption:
 
 
 def _leave_terminal() -> None:
-    """Redirect stdout and stderr to the null device if they lead to a terminal, because the terminal is
-    closed and writing to it would be an error."""
+    """Redirect stdout and stderr to the null device if they lead to a terminal or cannot be written: the
+    terminal is closed, and writing to it would be an error."""
     with suppress(OSError):
         nowhere = os.open(os.devnull, os.O_RDWR)
         for stream in (1, 2):

@@ -45,7 +45,7 @@ class FitSpace(NamedTuple):
 
     @property
     def names(self) -> list[str]:
-        """Return the names of the parameters."""
+        """Return the names of the parameters, in the order of the coordinates."""
         return [p.name for p in self.parameters]
 
     @property

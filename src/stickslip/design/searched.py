@@ -23,10 +23,10 @@ from .sawtooth import best_sawtooth
 from .scenarios import ScenarioTable
 from .search import DOING, SHORTFALL, Best, Index, Judge, Task, robust
 
-# Both are relative to the scale of the goal. MARGIN: margin above the best sawtooth that the search demands
-# in every condition, because its tolerance is coarser than that of the result, and because the drive is then
-# rounded to updates of the output. NO_WORSE: largest shortfall of the result below the sawtooth that counts
-# as equal.
+# Both are relative to the scale of the goal. MARGIN: margin above the best sawtooth that a search demands in
+# every condition, because the tolerance of the search is coarser than that of the result, and because the
+# drive is then rounded to updates of the output. NO_WORSE: largest shortfall of the result below the sawtooth
+# that counts as equal.
 MARGIN, NO_WORSE = 1e-3, 1e-6
 # Largest shortfall below the minimum speed, relative to the minimum speed, that is accepted.
 NEAR = 1e-3

@@ -24,7 +24,8 @@ class Link(NamedTuple):
 
 
 class Group(NamedTuple):
-    """A group to write: its attributes, and its members by name in the order of writing."""
+    """A group to write: its `attributes` by name, and its `members` (groups, fields, links) by name, in the
+    order of writing."""
 
     attributes: Mapping[str, Any]
     members: Mapping[str, Group | Field | Link]

@@ -316,7 +316,7 @@ class Actuator(NamedTuple):
 
 @record
 class StageParts(NamedTuple):
-    """Masses, stiffnesses and dampings of piezo and stage, for `Actuator.from_parts`."""
+    """Masses [kg], stiffnesses [N/m], dampings [N s/m] of piezo and stage, for `Actuator.from_parts`."""
 
     piezo_mass: Annotated[float, Quantity("kg", "m_p", "mass of the piezo", minimum=0)]
     stage_mass: Mass

@@ -21,7 +21,8 @@ from ...quantities.records import Quantity, record
 
 @record
 class Material(NamedTuple):
-    """An isotropic elastic body, and the pressure at which it yields under an indenter."""
+    """An isotropic elastic body: `youngs_modulus` [Pa], `poissons_ratio`, and `hardness` [Pa], the pressure
+    at which the body yields under an indenter (None: unknown)."""
 
     youngs_modulus: Annotated[float, Quantity("Pa", "E", "Young's modulus", above=0)]
     poissons_ratio: Annotated[float, Quantity("", "ν", "Poisson's ratio", above=-1, maximum=0.5)]

@@ -30,7 +30,11 @@ TangentialModulus = Annotated[float, Quantity("Pa", "G*", "tangential modulus of
 
 @record
 class Mindlin(NamedTuple):
-    """A ball on a flat that is pushed sideways under a constant normal force [mindlin1949]."""
+    """A ball on a flat that is pushed sideways under a constant normal force [mindlin1949].
+
+    Fields: `normal_force` P [N], `radius` R of the ball [m], `contact_modulus` E* and `tangential_modulus` G*
+    of both bodies [Pa], and `friction_coefficient` μ.
+    """
 
     normal_force: Load
     radius: Radius

@@ -67,8 +67,11 @@ def backbone(
 
 @record
 class ExponentialContact(NamedTuple):
-    """A rough contact in partial slip, whose load is an exponential of the approach with the decay length
-    u_0."""
+    """A rough contact in partial slip, whose load is an exponential of the approach.
+
+    Fields: `normal_force` P [N]; `decay_length` u_0 [m], the approach by which the load grows e-fold;
+    `stiffness_ratio` k_t/k_n, tangential over normal stiffness; and `friction_coefficient` μ.
+    """
 
     normal_force: Load
     decay_length: Annotated[float, Quantity("m", "u_0", "approach by which the load grows e-fold", above=0)]

@@ -28,8 +28,11 @@ MOST_AREA = 0.2
 
 @record
 class Persson(NamedTuple):
-    """Two elastic rough flats in contact, with random roughness of many scales; see the module
-    [persson2007]."""
+    """Two elastic rough flats in contact, with random roughness of many scales [persson2007].
+
+    Fields: `normal_force` P [N], `nominal_area` A_0 [m²], `roughness` of both surfaces together, and
+    `contact_modulus` E* of both bodies [Pa]. See the module for the equations.
+    """
 
     normal_force: Load
     nominal_area: Annotated[float, Quantity("m^2", "A_0", "nominal area", above=0)]

@@ -65,7 +65,10 @@ class PreloadSpring(NamedTuple):
 
 @record
 class PreloadMagnet(NamedTuple):
-    """A magnet that pulls the contact together over an air gap, against iron; see the module."""
+    """A magnet that pulls the contact together over an air gap, against iron; see the module.
+
+    Fields: remanent `flux_density` B [T], `area` A of a pole face [m²] and `length` L of the magnet [m].
+    """
 
     flux_density: Annotated[float, Quantity("T", "B", "remanent flux density", above=0)]
     area: Annotated[float, Quantity("m^2", "A", "area of a pole face", above=0)]

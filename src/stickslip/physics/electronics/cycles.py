@@ -18,8 +18,8 @@ Index = NDArray[np.int64]
 
 
 def turning_points(values: Array) -> Index:
-    """Return the indices at which a signal starts to move, reverses (start of a flat stretch), and stops
-    moving.
+    """Return the indices at which a signal starts to move, reverses (there, the start of a flat stretch), and
+    stops moving, in ascending order.
 
     The result is empty if the signal never moves.
     """

@@ -24,6 +24,8 @@ class StrainGauge(NamedTuple):
     r"""Strain gauge from elongation to the conditioner's voltage, with a bandwidth, noise and drift.
 
     .. math:: \Delta L = s\,(u + u_0)
+
+    with the elongation ΔL [m], the `sensitivity` s [m/V], the voltage u and the `offset` u_0 [V].
     """
 
     sensitivity: Annotated[float, Quantity("m/V", "s", "elongation per volt")]

@@ -34,7 +34,8 @@ Array = NDArray[np.float64]
 class BoucWen(NamedTuple):
     """Bouc-Wen hysteresis of order 1 with three parameters; see the module.
 
-    Parameters for which the stroke would not always increase with the voltage raise QuantityError.
+    `alpha` is without unit, `beta` and `gamma` are in 1/V. Parameters for which the stroke would not always
+    increase with the voltage raise QuantityError.
     """
 
     alpha: Annotated[float, Quantity("", "α", "share of a change of the drive that h takes up", minimum=0)]

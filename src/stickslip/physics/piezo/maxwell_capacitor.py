@@ -40,6 +40,8 @@ Array = NDArray[np.float64]
 class MaxwellCapacitor(NamedTuple):
     """Maxwell slip model with charge: a two-port that reacts to the load; see the module.
 
+    `capacitance` is C_0 [F]; `stiffnesses` k_i [V/C] and `breakaways` v_i [V] are those of the elements.
+
     With `charge_drive` the drive commands the charge instead of the voltage, as this charge over the
     capacitance of the free piezo [V]; so the static stroke is the gain multiplied by the command. If the
     command jumps, the current is infinite for an instant, which no sample shows.

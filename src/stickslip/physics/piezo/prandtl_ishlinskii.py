@@ -35,8 +35,9 @@ class PrandtlIshlinskii(NamedTuple):
     """Prandtl-Ishlinskii hysteresis: plays and dead zones in parallel, with an inverse in closed form; see
     the module.
 
-    Weights and slopes are shares of the actuator's gain; the play with threshold 0 follows the drive without
-    hysteresis and is needed for a smooth inverse.
+    `thresholds` r_i [V] and `weights` w_i are those of the plays; `dead_zones` s_j [V], `slopes` c_j and
+    `skews` d_j those of the dead zones. Weights and slopes are shares of the actuator's gain. The play with
+    threshold 0 follows the drive without hysteresis and is needed for a smooth inverse.
     """
 
     thresholds: Annotated[tuple[float, ...], Quantity("V", "r_i", "half-width of each play", minimum=0)]
