@@ -227,15 +227,14 @@ def page(found: Found, command: str, seconds: float) -> str:
     lines = [
         "# Folders with random damage",
         "",
-        f"`{command}`: folders of a laboratory with good runs, a study's store and damaged entries. The "
-        "history, the panel's routes and the store read all of it. Required are:",
+        f"`{command}`: History, the panel's addresses and the study store read folders with good runs, a "
+        "study's store and damaged entries. Requirements:",
         "",
-        "- every good run is listed without a problem, every damaged entry is listed, with a reason if it "
-        "is surely bad;",
-        "- every answer is valid JSON, no fault of the server, and within its limit: "
-        f"{LIMIT:.0f} s ({STORE_LIMIT:.0f} s for a store); new files are read for {READING:.0f} s, the "
-        "others are listed as not read yet;",
-        "- damage of any file of a store is reported, except a task without status, which is not done.",
+        "- Every good run is listed without a problem. Every damaged entry is listed, with a reason if it "
+        "is not readable.",
+        f"- Every answer is valid JSON, not an error of the server, and takes at most {LIMIT:.0f} s "
+        f"({STORE_LIMIT:.0f} s for a store). After {READING:.0f} s further new files are listed as not read.",
+        "- Damage of any file of a store is reported. A task without status counts as not done.",
         "",
         f"Measured: {date.today()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; "
         f"{seconds:.0f} s. Peak memory: {own:.0f} MB of the asking process, {other:.0f} MB of its largest "
@@ -245,10 +244,12 @@ def page(found: Found, command: str, seconds: float) -> str:
         "|---|---|",
         *(f"| {name} | {count:,} |" for name, count in rows),
         "",
-        f"Kinds of damage: {', '.join(name for name, _ in found.kinds.most_common())}.",
+        "Damaged parts:",
         "",
-        "Not covered: damage that is made while a file is read; file systems other than those of Linux; "
-        "folders that the user may not read; a study whose manifest was forged with a new checksum.",
+        *(f"- {name}" for name, _ in found.kinds.most_common()),
+        "",
+        "Not covered: damage while a file is read; file systems other than those of Linux; folders without "
+        "permission to read; a study whose manifest was forged with a new checksum.",
     ]
     if found.wrong:
         lines += ["", "Violations:", "", *(f"- {one[:200]}" for one in found.wrong[:20])]

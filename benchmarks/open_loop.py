@@ -237,27 +237,28 @@ def page(trials: list[Trial], seed: int) -> str:
 _PAGE = """# Position without a sensor, of random motors
 
 `python -m benchmarks.open_loop {count} --seed {seed}`: {count} random motors at 100 Hz and 40 to 70 V.
-Stroke, mass, frequency, friction and stiffness differ by 20 % from the thesis's. The load wanders by up
-to 6 % of the Coulomb friction, which changes the steps by up to a fifth; the stroke per volt by up to 5
-%; both forget within 100 to 30,000 steps. Single steps scatter by 2 to 15 %, the threshold by 0.2 to 2 V.
-Steps differ by direction by up to 65 %, and a change of direction loses up to 0.4 um.
+Stroke, mass, frequency, friction and stiffness differ by 20 % from the thesis's. Load and stroke per volt
+drift (load by up to 6 % of the Coulomb friction, stroke by up to 5 %) with correlation lengths of 100 to
+30,000 steps. Single steps scatter by 2 to 15 %, the threshold by 0.2 to 2 V. Steps differ by direction by
+up to 65 %, and a change of direction loses up to 0.4 um.
 
 Each motor is calibrated by 48 bursts of 50 steps at 3 voltages against a sensor with 10 to 300 nm of
 noise. Then it makes 8 walks of 100 to 1500 steps without the sensor, with one reading (a datum) halfway.
 `DeadReckoning` knows only the bursts and its own counts.
 
-| steps since the datum | 95 % intervals that hold | half-width over the way made, median | 90 % of motors |
+| steps since the datum | intervals that contain the truth | half-width over distance, median | 90 % of motors |
 |---|---|---|---|
 {rows}
 
-**{all:.1f} % of all intervals hold** (standard error {error:.1f} %, motors being independent); all eight
-do for {all_of:.0f} % of the motors. {surprised} of {count} datums were rejected.
+**{all:.1f} % of all intervals contain the truth** (standard error {error:.1f} %); all eight do for
+{all_of:.0f} % of the motors. {surprised} of {count} datums were rejected.
 
 ![Errors of the position against its interval](../figures/open-loop.svg)
 
-The drift sets the width. The model takes drift for a random walk, so intervals are too wide after long
-walks if the drift returns to its mean. The upper end of the drift (a fall of the likelihood by 1/4) was
-chosen here: at its maximum 90 % of the intervals of 14 other motors held, with a fall by 1/8 94 %.
+The drift determines the width. The model treats drift as a random walk, so intervals are too wide after
+long walks if the drift returns to its mean. The upper end of the drift (a fall of the likelihood by 1/4)
+was chosen here: for 14 other motors 90 % of the intervals contained the truth with the drift at its most
+likely value, and 94 % with a fall by 1/8.
 """
 
 

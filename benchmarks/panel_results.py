@@ -15,7 +15,7 @@ JSON, PAGE = FOLDER / "panel.json", FOLDER / "panel.md"
 
 HEAD = """# Response times of the panel
 
-A server and a browser (headless Chromium without a graphics card, 1280 x 720) share one machine. All figures:
+Server and browser (headless Chromium without a graphics card) share one machine. All figures:
 [panel.json](panel.json).
 """
 # Title, description, and the rows that the page shows; panel.json keeps all of them.
@@ -23,13 +23,8 @@ ABOUT = {
     "minute": (
         "The first minute",
         "`python -m benchmarks.panel_minute`: open a page, start a walk of 4 s, wait for its end, open "
-        "Identify, start a fit. The emergency stop is timed from the key press to the rig's command to "
-        "ramp; up to 50 ms are one block of the rig.",
-        (
-            "first paint after the page was opened",
-            "it is identified, verified and reported",
-            "emergency stop, from the key to the begin of the ramp",
-        ),
+        "Identify, start a fit.",
+        ("first paint after the page was opened", "it is identified, verified and reported"),
     ),
     "streaming": (
         "The stream",
@@ -40,25 +35,17 @@ ABOUT = {
     "hour": (
         "An hour with 200 connections",
         "`python -m benchmarks.panel_hour --keep`: the virtual rig in real time, three channels of 20 kHz, "
-        "runs started and stopped at random instants. In turn nothing else happens, recordings are read, a "
-        "fit runs, or both. A stop is timed from its request to the start of the ramp. A frame is a block "
-        "of traces that reaches a page.",
-        (
-            "connections",
-            "stop, files and a fit",
-            "frames, files and a fit",
-            "memory of the panel",
-            "on a busy machine",
-        ),
+        "runs started and stopped at random instants, while recordings are read and a fit runs. A stop is "
+        "timed from its request to the start of the ramp. A frame is a block of traces that reaches a page.",
+        ("connections", "stop, files and a fit", "frames, files and a fit", "memory of the panel"),
     ),
     "stops": (
         "Stops while the panel is busy",
         "`python -m benchmarks.panel_stops --keep`: the virtual rig in real time, watched by 20 pages, "
         "while recordings are read and uploaded and fits run. A stop comes at a random instant, by the "
-        "button (HTTP) or the key (the page's stream), and goes to the rig's process by a connection of its "
-        "own. It is timed from its request to the rig's command to ramp. The aim is below 50 ms in 99.9 %. "
-        "The rig's process and the panel were permitted to raise their priority; the last row is for another "
-        "run in which they were not (`capsh --drop=cap_sys_nice`).",
+        "button (HTTP) or the key (the page's stream). It is timed from its request to the rig's command to "
+        "ramp. The aim is below 50 ms in 99.9 %. The rig's process and the panel were permitted to raise "
+        "their priority; the last row is for another run without this permission.",
         (
             "ramp, all",
             "the page is told that it stops",
@@ -71,7 +58,7 @@ ABOUT = {
     "explore": (
         "The sliders of Explore",
         "`python -m benchmarks.panel_explore`: a slider moves in every frame. A picture is a frame with new "
-        "curves of an experiment of 1 s. Processor time is that of server and browser.",
+        "curves of an experiment of 1 s. Processor times are sums over server and browser.",
         ("Amplitude", "Mass of the end-effector"),
     ),
 }

@@ -285,14 +285,14 @@ def proportion(hits: int, count: int) -> float:
 _PAGE = """# Moves on a twin with irregular steps
 
 `python -m benchmarks.real_moves {count} --seed {seed}`. An axis of 88 nm a step (50 V, 500 Hz, readings
-with 15 nm of noise) stands for the attocube axis whose 4,654 moves of 10 um a laboratory published
+with 15 nm of noise) represents the attocube axis whose 4,654 moves of 10 um a laboratory published
 ([NVScanning/AttocubePCscripts](https://github.com/NVScanning/AttocubePCscripts),
 `Scanning_AMC/Data/scan_timings.txt`; noise 13 to 23 nm).
 
 ## Errors and times of the twin
 
-{moves} moves for each target range, driven by the laboratory's rule: step towards the target, look every
-10 ms, stop when the reading is in the range, read once more. Irregularities are the defaults of
+{moves} moves for each target range, by the laboratory's rule: step towards the target, read every 10 ms,
+stop when the reading is in the range, read once more. Irregularities are the defaults of
 `rig.Irregularity`, not fitted. In brackets: the range over the sessions of the real axis (28 to 100 moves
 each).
 
@@ -300,24 +300,25 @@ each).
 |---|---|---|---|---|
 {rows}
 
-The twin's errors and share outside are like those of one more session of the real axis. Its times are 0.1 s
-shorter than those of the quickest sessions, because its steps are longer: 10 um are 114 steps of 88 nm, 0.23
-s at 500 Hz, and 149 steps of the 67 nm that the real axis makes at least, 0.30 s. With a gain for 69 nm a
-step the median is 0.29 s (range 90 nm, 16 moves). The times of real sessions come in groups 0.3 s apart, for
-which the published files give no reason, and one real move took 135 s; the twin has neither.
+The twin's errors and share outside lie within the ranges of the real sessions. Its times are 0.1 s shorter
+than those of the fastest sessions, because its steps are longer: 10 um are 114 steps of 88 nm (0.23 s at 500
+Hz), or 149 steps of 67 nm, the smallest possible step of the real axis (0.30 s). With a gain for 69 nm a step
+the median is 0.29 s (range 90 nm, 16 moves). The times of real sessions form groups 0.3 s apart, without a
+published reason, and one real move took 135 s; the twin shows neither.
 
 ![Errors after the stop on the twin, and of the published sessions](../figures/real-moves.svg)
 
-## Does `move` say "arrived" truly?
+## Is "arrived" true?
 
-{count} moves by 10 um, tolerance 100 nm, on the virtual rig with the same axis: scatter of 2 to 15 %,
-directions up to 65 % apart, threshold noise of 0.2 to 2 V, relaxation of up to 0.35 um within 10 ms to 1
-s. The loop's model has each number wrong by 3 % and knows no irregularity. "True": the true position
-stays within 100 nm for 0.1 s after "arrived".
+{count} moves by 10 um, tolerance 100 nm, on the virtual rig with the same axis: scatter of 2 to 15 %, steps
+that differ by direction by up to 65 %, threshold noise of 0.2 to 2 V, relaxation of up to 0.35 um within
+10 ms to 1 s. The loop's model is wrong by 3 % in each number and contains no irregularity. "Arrived" is true
+if the true position stays within 100 nm for 0.1 s.
 
-- {said} of {count} said "arrived"; **{true} of them truly** (at least {least:.1f} % with 95 % confidence).
-- Time until it says so: median {times}.
-- Largest true distance in the hold: median {error}.
+- {said} of {count} moves reported "arrived"; **{true} of them truly** (at least {least:.1f} % with 95 %
+  confidence).
+- Time until the report: median {times}.
+- Largest true distance from the target in the hold: median {error}.
 {failed}
 """
 

@@ -31,11 +31,11 @@ def page(results: dict[str, Any]) -> str:
 _INTRODUCTION = """
 # Benchmarks
 
-`make bench` writes this page (`make bench PART=trajectory` one part of it). Every run, with its setting, its
-spread and the versions of all tools, is in [results.json](results.json). The tools run in turn in one session
-on one machine and restart where the drive jumps. Times are medians of CPU time without compilation. Errors of
-trajectories refer to an independent solution at a relative tolerance of 1e-13. Problems:
-`benchmarks/problems.py`. Programs of the peers, written for this comparison: `benchmarks/peers/`.
+`make bench` writes this page (`make bench PART=trajectory` one part). [results.json](results.json) contains
+every run, with settings, spread and versions. The tools run in turn on one machine and restart where the
+drive jumps. Times are medians of CPU time without compilation. Errors of trajectories refer to an independent
+solution at a relative tolerance of 1e-13. Problems: `benchmarks/problems.py`; programs of the other tools:
+`benchmarks/peers/`.
 """
 
 
@@ -87,12 +87,12 @@ def _trajectory(rows: list[Row]) -> list[str]:
     ]
     return [
         "8 periods, 1601 samples. P1 is the thesis's actuator, P2 has a stiff contact with a Stribeck curve. "
-        "Costs are interpolated between two settings of a tool, for the quickest of its methods. *Engine* is "
-        "the compiled solver; `ss.simulate` adds checks and the labelled dataset. The engine copies a period "
-        "that repeats an earlier one; with *no period repeats*, the drive differs by 1e-9 of the amplitude.",
+        "Costs are interpolated between two settings of a tool, for its fastest method. *Engine* is the "
+        "compiled solver; `ss.simulate` adds checks and the labelled dataset. The engine copies a period "
+        "that repeats an earlier one. *No period repeats*: the drive differs by 1e-9 of the amplitude.",
         "![work-precision](work-precision.svg)",
         _table(("tool", *(f"{name}: CPU ms at {error * 1e9:g} nm" for name, error in TARGETS.items())), body),
-        "In brackets: the cost over that of the best peer.",
+        "In brackets: the cost relative to the best other tool.",
     ]
 
 
@@ -113,8 +113,8 @@ def _steady(rows: list[Row]) -> list[str]:
         if row["method"] == "ss.steady_step" or row is _cheapest_peer(rows, row["problem"])
     ]
     return [
-        "The net step per period of the periodic motion. `ss.steady_step` solves for the motion; the others "
-        "simulate as many periods as it takes to 0.1 nm. Peers: the quickest setting within 1 nm.",
+        "The net step per period of the periodic motion. `ss.steady_step` solves for the periodic motion. "
+        "The others, at their fastest setting within 1 nm, simulate until the step has settled to 0.1 nm.",
         _table(head, body),
     ]
 
@@ -149,7 +149,7 @@ def _ensemble(rows: list[Row]) -> list[str]:
     text = [
         "P3: the net displacement of P1 after 1.6 s for 4096 sets of stiffness, Coulomb force and mass, on "
         "all cores: simulations per second at a median error of 1 nm against a fixed step of 1 us.",
-        _table(("tool", "per s", "per CPU second", "over the best peer"), body),
+        _table(("tool", "per s", "per CPU second", "over the best other tool"), body),
     ]
     ours = [row for row in members if row["tool"] == "stickslip" and row["setting"] == "1e-09 m"]
     text += [
@@ -178,8 +178,8 @@ def _fit(rows: list[Row]) -> list[str]:
         body.append((row["setting"], name, _number(row["cpu_ms_median"], 4), where))
     return [
         "P4: sigma_0, sigma_1 and F_C from P1's positions with 20 nm of noise. The poor start is (1e6, 30, "
-        "1.5). Random starts lie within a factor 30 of the truth in every parameter; each tool takes as many "
-        "of a hundred as a minute allows.",
+        "1.5). Random starts lie within a factor 30 of the truth in every parameter; a minute limits their "
+        "number.",
         _table(("from", "tool", "CPU ms", "global optimum"), body),
     ]
 
@@ -200,9 +200,9 @@ def _campaign(rows: list[Row]) -> list[str]:
     return [
         "The friction fit of the thesis's campaign on the virtual rig: 4082 samples of the walk at 65 V and "
         "5 Hz, both ways; sigma_0, sigma_1, F_C, delay and offset from the thesis's start (1e6, 30, 1.5). "
-        "All tools have the same recording, drive, start and bounds. *One search alone* is what peers do; "
-        "`ss.identify_friction` also searches for starts and averages over what the recording hardly "
-        "determines. A time after > belongs to a fit that was stopped.",
+        "All tools have the same recording, drive, start and bounds. The other tools make *one search "
+        "alone*; `ss.identify_friction` also searches for starts and averages over parameters that the recording "
+        "hardly determines. A time after > belongs to a fit that was stopped.",
         _table(("tool", "CPU s (over one search)", "evaluations", "standard errors from ours"), body),
     ]
 
@@ -215,8 +215,8 @@ def _accuracy(rows: list[Row]) -> list[str]:
         laws.append(f"{law} {_number(worst)}")
     return [
         f"{len(rows)} actuators drawn at random over three decades of stiffness, mass, voltage and "
-        "frequency, with and without reaction on the stage, external force and incline; three periods at a "
-        "tolerance of 1 nm against an independent solution. Largest errors in tolerances: "
+        "frequency; three periods at a tolerance of 1 nm against an independent solution. Largest errors in "
+        "tolerances: "
         f"{', '.join(laws)}; median {errors[len(errors) // 2]:.2g}, worst {errors[-1]:.3g}.",
     ]
 
@@ -231,7 +231,7 @@ def _startup(rows: list[Row]) -> list[str]:
         )
         for row in rows
     )
-    return ["A fresh process, minus an empty one; byte code exists.", _table(head, body)]
+    return ["Time of a new process, minus the time of an empty one; byte code exists.", _table(head, body)]
 
 
 _SECTIONS = {

@@ -42,7 +42,8 @@ def _against(text: str, name: str) -> bool:
 def table(found: list[dict[str, Any]]) -> str:
     """Return a Markdown table by kind of fault."""
     rows = [
-        "| fault | campaigns | refused | with a failure | silent intervals | contain the truth | worst, half-widths |",
+        "| fault | campaigns | refused | with a failure | silent intervals | contain the truth "
+        "| worst, half-widths |",
         "|---|---|---|---|---|---|---|",
     ]
     kinds = list(dict.fromkeys(one["kind"] for one in found))
