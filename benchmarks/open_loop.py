@@ -246,7 +246,7 @@ Each motor is calibrated by 48 bursts of 50 steps at 3 voltages against a sensor
 noise. Then it makes 8 walks of 100 to 1500 steps without the sensor, with one reading (a datum) halfway.
 `DeadReckoning` knows only the bursts and its own counts.
 
-| steps since the datum | intervals that contain the truth | half-width over distance, median | 90 % of motors |
+| steps since datum | intervals that contain the truth | half-width over distance, median | 90 % of motors |
 |---|---|---|---|
 {rows}
 

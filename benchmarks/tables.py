@@ -201,8 +201,8 @@ def _campaign(rows: list[Row]) -> list[str]:
         "The friction fit of the thesis's campaign on the virtual rig: 4082 samples of the walk at 65 V and "
         "5 Hz, both ways; sigma_0, sigma_1, F_C, delay and offset from the thesis's start (1e6, 30, 1.5). "
         "All tools have the same recording, drive, start and bounds. The other tools make *one search "
-        "alone*; `ss.identify_friction` also searches for starts and averages over parameters that the recording "
-        "hardly determines. A time after > belongs to a fit that was stopped.",
+        "alone*; `ss.identify_friction` also searches for starts and averages over parameters that the "
+        "recording hardly determines. A time after > belongs to a fit that was stopped.",
         _table(("tool", "CPU s (over one search)", "evaluations", "standard errors from ours"), body),
     ]
 
