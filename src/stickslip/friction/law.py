@@ -33,8 +33,8 @@ class Branches(NamedTuple):
 
     The rate jumps or has a kink from one branch to the next. An integration step uses the smooth continuation
     of one branch, and is cut where it leaves the branch. This is for laws that are the same in both
-    directions: all functions take the `speed` |v| [m/s], its `growth` d|v|/dt [m/s^2] and the state `z` in
-    the direction of sliding.
+    directions: all functions take the `speed`, the magnitude of v [m/s], its rate `growth` [m/s^2], and the
+    state `z` in the direction of sliding.
 
     ``choose(law, speed, growth, z)`` returns the number of the branch, 0 to 3. ``rate(law, speed, z,
     branch)`` returns (F, ż). ``left(law, speed, growth, z, branch)`` returns a number that becomes negative

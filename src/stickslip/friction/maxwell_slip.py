@@ -107,8 +107,8 @@ def over_limit(law, speed, growth, z):
 
     Args:
         law: record of the element.
-        speed: sliding speed |v|, m/s.
-        growth: its rate d|v|/dt, m/s^2.
+        speed: magnitude of the sliding velocity, m/s.
+        growth: rate of the speed, m/s^2.
         z: deflection in the direction of sliding, m.
     """
     fall = 0.0

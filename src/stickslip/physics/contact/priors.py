@@ -7,7 +7,7 @@ theory itself, assumed to be 2: films, plastic summits, and compliance in series
 than elastic theory.
 
 .. math:: \sigma_0 = k_t, \qquad F_C = \mu P, \qquad \frac{1}{k_t} = \frac{1}{k_{contact}} +
-\frac{1}{k_{holder}}
+          \frac{1}{k_{holder}}
 
 Contact mechanics does not predict the bristle's damping σ_1, viscous friction, the Stribeck velocity,
 lubricated or contaminated surfaces, and how a pair wears.
