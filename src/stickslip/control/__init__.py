@@ -1,5 +1,6 @@
-"""Control of an actuator: discrete blocks, the state machine of a move, an open-loop estimator, tuning by
-model."""
+"""Control of an actuator: discrete regulators and filters, moves by steps and piezo, an estimator of the
+position from counted steps, and tuning by models.
+"""
 
 from .blocks import ControlWarning as ControlWarning
 from .blocks import LowPass as LowPass

@@ -140,7 +140,7 @@ class Biquad:
         self._s1 = self._s2 = 0.0
 
     def step(self, value: float) -> float:
-        """Return the output for the next input value."""
+        """Return the output of the filter for the next input value, in the unit of the input."""
         b0, b1, b2, a1, a2 = self.coefficients
         out = b0 * value + self._s1
         self._s1 = b1 * value - a1 * out + self._s2
@@ -206,7 +206,8 @@ class Regulator:
         self.begin(0.0, 0.0)
 
     def begin(self, voltage: float, target: float) -> None:
-        """Start from rest at a voltage [V] and a wanted position [m]; the output continues without a jump."""
+        """Start from rest at a voltage [V] and a wanted position [m, or rad]: filters and derivative start at
+        0, and the output continues from this voltage without a jump."""
         for section in self.sections:
             section.reset()
         self._integral, self._from, self._target = voltage, target, target

@@ -1,7 +1,7 @@
 """Mover that takes commands while its loop runs: go, steps, scan, jog, halt, release.
 
-It is built from plain numbers, so that it can run in the process that owns a rig; see `rig.ControllerSpec`.
-Until the first command the output stays at 0 V.
+The controller is built from plain numbers and texts, so that it can run in the process that owns a rig; see
+`rig.ControllerSpec`. Until the first command the output stays at 0 V.
 """
 
 from __future__ import annotations
@@ -197,11 +197,10 @@ class Commanded:
         """Return the state of the move as a dictionary for JSON, with positions in the unit of the
         controller.
 
-        Keys: "phase", "follow" during a scan, "release", or as `Mover.phase`; "words", a sentence for the
-            phase
-        and the remark; "remark", see `Mover`; "settled", True while holding a reached target; "steps" and
-        "lost", numbers of steps made and lost; "forward" and "backward", sizes of full steps; "room", how far
-        the piezo can move down and up, None unless it holds.
+        Keys: "phase": "follow" during a scan, "release", or as `Mover.phase`. "words": a sentence for the
+        phase and the remark. "remark": see `Mover`. "settled": True while holding a reached target.
+        "steps", "lost": numbers of steps made and lost. "forward", "backward": sizes of full steps. "room":
+        how far the piezo can move down and up, None unless it holds.
         """
         mover = self.mover
         follows = self._scanned > 0 and self._scan is not None

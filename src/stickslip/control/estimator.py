@@ -195,11 +195,12 @@ class Estimator:
 
     @property
     def error(self) -> float:
-        """Return the standard deviation of the position, m."""
+        """Return the standard deviation of the estimated position, m."""
         return math.sqrt(self._p[_POSITION, _POSITION])
 
     def band(self, level: float | str = 0.95) -> tuple[float, float]:
-        """Return the interval [m] that contains the position with probability `level`.
+        """Return the lower and upper end [m] of the interval that contains the position with probability
+        `level`.
 
         Raises:
             QuantityError: the level is not between 0 and 1.
@@ -251,7 +252,8 @@ class Estimator:
     def measured(self, position: float | str, noise: float | str) -> None:
         """Correct the position by a measured one [m] with standard deviation `noise` [m].
 
-        A position that contradicts the filter is also used, and a sentence is added to `events`.
+        A position that deviates from the estimate by more than `_SURPRISE` standard deviations is also used,
+        and an entry is added to `events`.
         """
         value, sigma = _AT.check(position, "position"), _NOISE.check(noise, "noise")
         column = self._p[:, _POSITION]

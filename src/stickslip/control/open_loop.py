@@ -53,7 +53,7 @@ class DeadReckoning:
     made by others are detected.
 
     Raises:
-        QuantityError: the voltage or the frequency of the law is not calibrated, or out of the axis' range.
+        QuantityError: the voltage was not calibrated, or is out of the axis' range, as may be the frequency.
     """
 
     def __init__(

@@ -24,7 +24,7 @@ from ..quantities.records import Quantity
 from ..quantities.units import QuantityError, to_si
 from .blocks import RATE, Pid, whole_number
 
-_FORGOTTEN = 4  # number of periods until the oscillation is steady
+_FORGOTTEN = 4  # number of first periods that are not measured, until the oscillation is steady
 _RAMP, _REST = 0.1, 0.05  # duration of the ramp to the middle, and of the rest there, s
 # Smallest band of the relay, in standard deviations of the sensor's noise. In a smaller band, noise would
 # switch the relay.

@@ -28,10 +28,10 @@ _MEAN = 1e-3  # default duration of the running mean of a sensor's readings, s
 class Settling(NamedTuple):
     """Settling of a move.
 
-    Fields (m: or rad): `times` [s] after which the position stays within each of the `windows` [m] (NaN: not
-    until the end); `overshoot` [m] beyond the target, in the direction of the move, or 0; `rms` [m] of the
-    error over the last `held` seconds; `noise` [m], standard deviation of the sensor's noise after the
-    running mean, 0 without a mean.
+    Fields: `times` [s] after which the position stays within each of the `windows` [m] (NaN: not until the
+    end); `overshoot` [m] beyond the target, in the direction of the move, or 0; `rms` [m] of the error over
+    the last `held` seconds; `noise` [m], standard deviation of the sensor's noise after the running mean, 0
+    without a mean. For a rotary actuator, m is rad.
     """
 
     windows: tuple[float, ...]

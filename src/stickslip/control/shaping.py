@@ -146,7 +146,8 @@ class Shaping:
         return getattr(self.controller, "done", False)
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured and a wanted position [m] at a tick."""
+        """Return the voltage [V] of the inner controller for a measured and a wanted position [m, or rad] at
+        a tick. At the first tick, all earlier targets are taken as equal to this one."""
         if self._targets is None:
             self._targets = np.full(self._taps.size, target)
         self._targets[1:] = self._targets[:-1]

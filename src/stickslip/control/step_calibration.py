@@ -31,7 +31,7 @@ _LIMIT = Quantity("m", "", "the distance between the limits", above=0)
 _NOISE = Quantity("m", "", "the standard deviation of a measured way", minimum=0)
 _COLUMNS = {"voltage": "V", "direction": "", "steps": "", "displacement": "m", "noise": "m"}
 _HEAD = ", ".join(f"{name} [{unit}]" if unit else name for name, unit in _COLUMNS.items())
-_MOST_BYTES = 10_000_000  # largest size of a file of bursts
+_MOST_BYTES = 10_000_000  # largest size of a file of bursts, bytes
 _MOST_STEPS = 10_000_000  # largest number of steps from limit to limit
 
 

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_MOST_BYTES = 1_000_000  # largest size of a file of a law
-FEWEST = 8  # fewest bursts for a fit beyond the number of step sizes (two for each voltage)
+_MOST_BYTES = 1_000_000  # largest size of a file of a law, bytes
+FEWEST = 8  # smallest excess of the number of bursts over that of step sizes (two for each voltage)
 # Lowest and highest value of the noise parameters in a fit (see the module): sigma, tau divided by the mean
 # step, q_c and q_s.
 _BOUNDS = ((1e-4, 1.0), (1e-3, 1.0), (1e-7, 0.05), (1e-7, 0.05))
@@ -62,9 +62,8 @@ class StepLaw(NamedTuple):
     Fields: `voltages`, V, with the step sizes `forward` and `backward`, m, and their standard errors;
     `frequency` of the steps, Hz. `scatter` is the standard deviation of single steps over their size,
     `threshold_scatter` a part independent of the size, m. `common_drift` and `own_drift` are random walks,
-    relative to a step and per
-    square root of a step: for both directions together and for each. `reversal` is the displacement lost at a
-    change of direction, m, and `reversal_error` its standard error.
+    relative to a step and per square root of a step: for both directions together and for each. `reversal`
+    is the displacement lost at a change of direction, m, and `reversal_error` its standard error.
     """
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
@@ -145,8 +144,8 @@ class StepLaw(NamedTuple):
         return max((v for v in self.voltages if v <= voltage), default=self.voltages[0])
 
     def table(self) -> StepSizes:
-        """Return the step sizes as the table of a `Mover`. The table must not decrease with the voltage, so a
-        step that is smaller than one at a lower voltage is replaced by that."""
+        """Return the step sizes as the table of a `Mover`. Sizes in this table must not decrease with the
+        voltage: a smaller one at a higher voltage is replaced by the largest one at lower voltages."""
         up, down = (tuple(np.maximum.accumulate(one).tolist()) for one in (self.forward, self.backward))
         return StepSizes(self.voltages, up, down)
 
@@ -218,7 +217,8 @@ def fit_steps(bursts: xr.Dataset) -> StepLaw:
 
 
 class _Fit:
-    """Fit of a step law: the bursts as arrays, and the likelihood of the noise parameters."""
+    """Fit of a step law: the bursts (see `fit_steps`) as arrays, and the likelihood of the noise
+    parameters."""
 
     def __init__(self, bursts: xr.Dataset) -> None:
         names = ("voltage", "direction", "steps", "displacement", "noise", "after_reversal")

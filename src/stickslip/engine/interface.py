@@ -1,10 +1,10 @@
 """C structs of function pointers for types of Python records: friction laws, and hysteresis of Duhem's form.
 
-For each type of record there is one struct. It has a C function for each Python function of the type. A role
-is the name of such a function in the struct, such as "rate". The fields of a record are passed to these
-functions as
-a row of parameters: an array of real numbers p, the fields one after the other. Booleans are 0 or 1; tuples
-and nested records contribute their numbers. Text and None are constants in the C source, and not in the row.
+For each type of record there is one struct. It has a C function for each Python function of the type. A
+role is the name of such a function in the struct, such as "rate". The fields of a record are passed to
+these functions as a row of parameters: an array of real numbers p, the fields one after the other. Booleans
+are 0 or 1; tuples and nested records contribute their numbers. Text and None are constants in the C source,
+and not in the row.
 """
 
 from __future__ import annotations

@@ -73,8 +73,7 @@ def integrate_near(
 
     Returns:
         A pair: the results of `binding.integrate`, and the sampled state of each neighbour [members, times],
-            NaN
-        after the time reached.
+        NaN after the time reached.
 
     Raises:
         TypeError, ValueError, MemoryError: see `binding.integrate`.

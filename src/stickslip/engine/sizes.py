@@ -20,7 +20,7 @@ def largest(plant: Any) -> dict[str, int]:
 
 def sizes(plant: Any, suffix: str) -> dict[str, str]:
     """Return macros, value by name, that tell the C compiler what all plants of one layout have in common, so
-    that it can unroll loops and drop tests.
+    that it can unroll loops and omit conditions.
 
     Args:
         plant: one plant with this layout.

@@ -51,7 +51,7 @@ class Quantity(NamedTuple):
         return self._replace(unit=coordinate.unit(self.unit))
 
     def range_text(self) -> str:
-        """Return the allowed range as text with the unit."""
+        """Return the allowed range as text with the unit, such as "> 0 and <= 100 V"."""
         limits = ((">", self.above), (">=", self.minimum), ("<", self.below), ("<=", self.maximum))
         parts = [f"{sign} {limit:g}" for sign, limit in limits if limit is not None and math.isfinite(limit)]
         if parts:

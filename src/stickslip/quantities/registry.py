@@ -46,7 +46,7 @@ _RUNS: ContextVar[bool] = ContextVar("runs", default=True)  # False in the conte
 
 
 class RegistryError(QuantityError):
-    """Error: a name is unknown (the message lists others) or ambiguous, or a user's file cannot be used."""
+    """Error: a name is unknown (the message lists those known) or ambiguous, or a user's file is unusable."""
 
 
 class Kind:

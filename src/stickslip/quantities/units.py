@@ -239,8 +239,7 @@ def with_prefix(value: float, unit: str, digits: int = 4) -> str:
 
 def near_one(value: float, digits: int = 4) -> str:
     """Return a number, such as a coefficient of determination r², as text with `digits` decimals, or with
-    more if it
-    is below 1 by less than these show: "0.9999935"."""
+    more if it is so close to 1 that these would not show the difference: "0.9999935"."""
     lacking = 1.0 - value
     if 0.0 < lacking < 0.5 * 10.0**-digits:
         digits = max(digits, 1 - math.floor(math.log10(lacking)))

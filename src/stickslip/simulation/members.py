@@ -48,7 +48,7 @@ Columns = Mapping[str, NDArray[np.float64]]
 # Parameters with which all voltages of a member's waveform, and its relative normal force, are multiplied.
 SCALES = ("drive_scale", "load")
 BLOCK = 256  # largest number of members in a block on processors
-# Largest number of entries, roughly, in all drive tables of a block: it limits the memory.
+# Largest number of numbers, roughly, in all drive tables of a block, which limits the memory.
 LARGEST_TABLES = 4_000_000
 
 

@@ -1,4 +1,4 @@
-"""Conversion of the records of `actuator` to the engine's coefficients and the state at rest."""
+"""Conversion of an actuator or a pulled slider to a plant for the engine, and the state at rest."""
 
 from __future__ import annotations
 
@@ -179,8 +179,8 @@ class System(NamedTuple):
 
     @property
     def further(self) -> list[int]:
-        """Return the columns of the state that `classic` appends: modes of a stage with several, and states
-        of the piezo."""
+        """Return the columns of the state that `classic` appends: position and velocity of each mode of a
+        stage with several modes, and states of a `MaxwellCapacitor`."""
         modes = [c + i for c in self.stages for i in (0, 1)] if len(self.stages) > 1 else []
         return [*modes, *range(self.inner, self.states)]
 

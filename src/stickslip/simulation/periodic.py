@@ -34,12 +34,12 @@ MAX_PERIODS = 2000
 class Orbit(NamedTuple):
     """A periodic orbit.
 
-    Fields (m: rad for a rotary actuator): `step`, net displacement per period, m; `state` [states] at the
-    start of the period; `multipliers`, growth factors of small disturbances over one period (stable if all
-    are below 1 in size; those below a half come from a coarse integration and are accurate to about a
-    hundredth; NaN if they could not be computed); `converged`, True if the orbit was found; `residual`,
-    defect of state and step before the last correction, m; `periods`, number of periods integrated; `error`,
-    estimated error of step and state, m.
+    Fields: `step`, net displacement per period, m; `state` [states] at the start of the period;
+    `multipliers`, growth factors of small disturbances over one period (stable if all are below 1 in size;
+    those below a half come from a coarse integration and are accurate to about a hundredth; NaN if they
+    could not be computed); `converged`, True if the orbit was found; `residual`, defect of state and step
+    before the last correction, m; `periods`, number of periods integrated; `error`, estimated error of step
+    and state, m. For a rotary actuator, m is rad.
     """
 
     step: float

@@ -194,7 +194,7 @@ def prescribed(
 
 
 def _in_parts(values: NDArray[np.float64], parts: int) -> NDArray[np.float64]:
-    """Return the samples [n] of a signal, linear in between, with each interval divided into equal
-    `parts`."""
+    """Return a signal that is linear between its samples `values` [n], with `parts` times as many
+    intervals: each is divided into equal parts."""
     between = values[:-1, None] + np.diff(values)[:, None] * (np.arange(parts) / parts)
     return np.append(between.ravel(), values[-1])

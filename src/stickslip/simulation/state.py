@@ -149,7 +149,7 @@ PARTS = {
 
 def row_of(of: System, part: str) -> int | None:
     """Return the index of a part of the state (a key of `PARTS`) in the plant's array of states; None if this
-    plant has no such state, or several modes of the stage."""
+    plant has no such state, or if the stage has several modes."""
     body, offset = PARTS[part]
     bristle = None if of.clamped or not of.internal else of.bodies
     first = {"stage": of.stage, "slider": of.slider, "bristle": bristle}[body]

@@ -125,9 +125,8 @@ def _off_edges(of: System, state: Array, slipping: set[int], after: Callable[[Ar
     """Return a periodic state in which elements at the limit between slipping and not slipping are moved.
 
     An element that only just reaches its bound in the period slips if its state is changed to one side. On
-    the
-    other side it would never slip, and would keep its initial state for ever: there would be no derivative.
-    The state is changed by `ASIDE` towards the side where the element slips.
+    the other side it would never slip, and would keep its initial state for ever: there would be no
+    derivative. The state is changed by `ASIDE` towards the side where the element slips.
 
     Args:
         of: the system.

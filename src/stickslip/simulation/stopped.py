@@ -319,8 +319,7 @@ def _outside(positions: Array, low: float, high: float) -> Array:
 
 def _peak(times: Array, states: Array, low: float, high: float) -> tuple[int, float] | None:
     """Return the first extremum of the position beyond a bound, between two checks: the index of the check
-    before it, and its time [s]. Return None without such an
-    extremum.
+    before it, and its time [s]. Return None without such an extremum.
 
     The motion between two checks is approximated by the cubic through both positions and velocities.
 

@@ -150,8 +150,8 @@ class Motion:
 
     @property
     def stage_velocity(self) -> float:
-        """Return the velocity of the stage, m/s (rad/s); 0 for a static stage, although its drive may move
-        it."""
+        """Return the velocity of the stage, m/s (rad/s); always 0 for a static stage, even if the drive
+        moves the stage."""
         return float(sum(self._q[c + 1] for c in self._of.stages))
 
     def _room(self, segments: int) -> None:

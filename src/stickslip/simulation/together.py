@@ -39,9 +39,10 @@ MAX_STEPS = 20_000_000  # largest number of integration steps between two breaks
 
 
 class Joined(NamedTuple):
-    """Plant of several actuators under one end-effector, which is the last mode. `stages` contains a tuple
-    for
-    each actuator: the indices of its stage's modes (empty for a static stage)."""
+    """Plant of several actuators under one end-effector, which is the last mode.
+
+    `stages` contains a tuple for each actuator: the indices of its stage's modes (empty for a static stage).
+    """
 
     plant: Plant
     stages: tuple[tuple[int, ...], ...]

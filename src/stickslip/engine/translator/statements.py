@@ -8,7 +8,7 @@ import inspect
 import re
 from typing import TYPE_CHECKING, Any
 
-from . import calls as calls  # importing it adds calls to the table of expressions
+from . import calls as calls  # this import adds the translation of calls to `expressions.NODES`
 from .assignments import Retyped, assign, parts_of, set_variable
 from .expressions import (
     NUMBERS,

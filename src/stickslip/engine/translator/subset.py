@@ -35,9 +35,11 @@ class TranslationError(ValueError):
 
 
 class Record(NamedTuple):
-    """Type of a record. `record_class` is its Python class. `fields` are pairs of name and type of the fields
-    that
-    the C struct contains: not those that are texts or None."""
+    """Type of a record.
+
+    Fields: `record_class`, the Python class; `fields`, pairs of name and type of the fields that the C struct
+    contains: not those that are texts or None.
+    """
 
     record_class: type
     fields: tuple[tuple[str, Any], ...]

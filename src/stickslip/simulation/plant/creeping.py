@@ -6,11 +6,10 @@ r"""A drive with creep: each Kelvin-Voigt term in closed form for each segment, 
 
 Here h is the voltage after hysteresis, and L the time since the start of a segment. The formula is the
 response to the polynomial of the segment, :math:`\sum_j c_j t^j`. The sum amplifies no rounding errors,
-however short or long the segment is compared with the time constant:
-:math:`I_j = j!\,\varphi_{j+1}(-z)`, the functions of exponential integrators [hochbruck2010].
-The response to a harmonic is a smaller and delayed one.
-The segments are divided into pieces, short enough that the cubic through values and slopes of both ends has
-the required precision.
+however short or long the segment is compared with the time constant: :math:`I_j = j!\,\varphi_{j+1}(-z)`
+are the functions of exponential integrators [hochbruck2010]. The response to a harmonic is a smaller and
+delayed one. The segments are divided into pieces, short enough that the cubic through values and slopes of
+both ends has the required precision.
 """
 
 from __future__ import annotations

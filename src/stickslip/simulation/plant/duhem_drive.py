@@ -1,8 +1,9 @@
 r"""A drive after Duhem hysteresis (`piezo.duhem`: Bouc-Wen, or a user's model), whose hysteretic part h is
 approximated by cubics.
 
-The voltage u and its harmonics are unchanged. Values and slopes of h [V] are known at any time between
-reversals. A piece ends before the error of the cubic through its ends exceeds the precision.
+The result is u - h, in which the formulas of the voltage u are unchanged. Values and slopes of h [V] are
+known at any time between reversals of u. Each cubic covers a piece so short that its error stays within the
+precision.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 r"""A drive after play operators: an exact conversion of segment tables.
 
 While the drive moves in one direction, the operators' output is linear in u between the points at which a
-play starts to move or a dead zone ends. So each segment of the drive becomes several with the same formula,
-multiplied by the slope there, plus a level. They start where the drive reverses or reaches such a point.
+play starts to move or a dead zone ends. So each segment of the drive becomes several segments, which start
+where the drive reverses or reaches such a point. Each has the formula of the drive multiplied by a slope,
+plus a level.
 """
 
 from __future__ import annotations
@@ -71,8 +72,7 @@ def through(plays: Operators, drive: Drive, end: float, z: Array, rest: float, c
             periods).
         rest: output before the start, V.
         cycle: number of segments in a period of a drive that repeats from its start; 0 for another drive.
-            Only
-            two periods are then computed: plays remember only the extremes of the voltage, so that later
+            Only two periods are then computed: plays remember only the extremes of the voltage, so that later
             periods repeat the second one.
 
     Raises:
