@@ -30,25 +30,29 @@ Array = NDArray[np.float64]
 
 # Number of standard deviations in half a 95 % interval of a normal distribution.
 HALF = 1.959964
-# Central values of quantities that the sheet does not print. Each OF_... is the factor within which 68 % of
-# actuators are expected on either side of the central value.
-# Stroke of the piezo over the whole voltage range, divided by the net step.
+# Priors of quantities that the sheet does not print: central value, and the factor (OF_...) within which 68 %
+# of actuators are expected on either side.
+
+# Prior (central value, factor) of the piezo's stroke over the whole voltage range, divided by the net step.
 GAIN_OVER_STEP, OF_GAIN = 1.5, 1.5
-# Resonance of the stage divided by the step rate; and lowest assumed resonance, Hz.
+# Prior of the stage's resonance: its ratio to the step rate, the lowest assumed resonance [Hz], and the
+# factor.
 RESONANCE_OVER_RATE, LEAST_RESONANCE, OF_RESONANCE = 5.0, 500.0, 3.0
-# Damping ratio of the stage.
+# Prior (central value, factor) of the damping ratio of the stage.
 DAMPING, OF_DAMPING = 0.15, 3.0
-# Coulomb force F_C divided by the stall force.
+# Prior (central value, factor) of the Coulomb force F_C divided by the stall force.
 FRICTION_OVER_STALL, OF_FRICTION = 2.0, 2.0
-# Acceleration F_C / m_e of the end-effector by friction, m/s^2.
+# Prior (central value, factor) of the acceleration F_C / m_e of the end-effector by friction, m/s^2.
 ACCELERATION, OF_ACCELERATION = 5.0, 3.0
-# Moved mass m_e, kg, from which F_C follows if the sheet prints neither mass nor force.
+# Central value of the moved mass m_e, kg, from which F_C follows if the sheet prints neither mass nor force;
+# and its factor.
 MASS, OF_MASS = 0.05, 3.0
-# Elastic deflection F_C / sigma_0 of the contact divided by the stroke of the piezo.
+# Prior (central value, factor) of the contact's elastic deflection F_C / sigma_0 divided by the piezo's
+# stroke.
 PRESLIDING_SHARE, OF_PRESLIDING = 1.0 / 15.0, 3.0
-# Damping ratio of the bristle with the moved mass.
+# Prior (central value, factor) of the damping ratio of the bristle with the moved mass.
 BRISTLE_DAMPING, OF_BRISTLE = 0.1, 3.0
-# Effective mass of the stage divided by the moved mass.
+# Prior (central value, factor) of the effective mass of the stage divided by the moved mass.
 STAGE_OVER_MOVED, OF_STAGE = 1.0, 3.0
 # Range of the drive voltage, V, for a sheet without a greatest voltage.
 VOLTAGE = 100.0

@@ -248,8 +248,8 @@ class Actuator(NamedTuple):
 
     @property
     def axial_force(self) -> float:
-        """Return the force on the end-effector along +x without friction: external force and weight, N (N
-        m)."""
+        """Return the force on the end-effector along +x without friction: external force and weight, N (N m
+        if rotary)."""
         return self.external_force - self.end_effector_mass * STANDARD_GRAVITY * np.sin(self.incline)
 
     def state_space(self) -> StateSpace:
