@@ -103,7 +103,7 @@ def simulate_ensemble(
             Coulomb friction.
         sample_rate, times: samples of the trajectories, as for `simulate`; by default only summaries are
             kept, which need little memory.
-        tolerance: largest error of positions and of the net displacement, m, as for `simulate`.
+        tolerance: tolerance of the positions, or of the net displacement, m (rad), as for `simulate`.
         load: normal force relative to its reference, for all members: a number or a waveform.
         stack: piezo stack that each periodic drive charges; it adds peak_current and rms_current (A),
             energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
