@@ -471,6 +471,10 @@ def test_a_prior_is_a_datum_more() -> None:
         assert fit.jacobian.shape == (50, 1)
         assert fit.residuals[0].size == 50
         assert fit.cost > alone.cost
+        assert fit.n_estimated == pytest.approx(weights[0] / weights.sum(), rel=1e-6)
+    for spread, of_data in ((1e4, 1.0), (1e-5, 0.0)):  # a prior that says nothing, one that says all
+        fit = fit_least_squares(recording, [free._replace(prior=(2.0, spread))], noise_known=True)
+        assert fit.aic == pytest.approx(2.0 * of_data - 2.0 * fit.log_likelihood, abs=1e-3)
     logarithmic = Parameter("slope", 1.0, 0.1, 9.0, "m/s", prior=(3.0, 0.05))
     fit = fit_least_squares(recording, [logarithmic], noise_known=True)
     assert alone.values["slope"] < fit.values["slope"] < 3.0

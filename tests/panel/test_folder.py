@@ -128,6 +128,10 @@ def test_nothing_is_named_that_no_list_shows(tmp_path: Path) -> None:
     (tmp_path / ("a/" * 40)).mkdir(parents=True)
     (tmp_path / ("a/" * 40) / "a.nc").touch()
     assert folder.path("a/" * 40 + "a.nc").exists()
+    deeper = tmp_path / ("a/" * 41)
+    deeper.mkdir()
+    (deeper / "b.nc").touch()
+    assert [one.name for one in folder.files(".nc")] == ["a/" * 40 + "a.nc"]
     assert [one.path for one in entries(str(tmp_path)) if one.kind == "recording"] == [
         str(tmp_path / ("a/" * 40) / "a.nc")
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import sys
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,16 @@ def library() -> Any:
     if built_from != found.STICKSLIP_ABI:
         raise EngineMissingError(f"{FILE} was built from other sources. {what_to_do}.")
     return found
+
+
+@functools.cache
+def sources_hash() -> str:
+    """Return the SHA-256 hash of the engine's C sources, in hexadecimal; equal on all machines that have the
+    same sources. Results of another engine may differ."""
+    found = hashlib.sha256()
+    for file in sorted(SOURCES.iterdir()):
+        found.update(file.name.encode() + file.read_bytes())
+    return found.hexdigest()
 
 
 @functools.cache

@@ -144,6 +144,13 @@ class Parameter(NamedTuple):
         value, deviation = self.prior
         return self.coordinate(value), deviation / self.slope(value)
 
+    def prior_share(self, variance: float) -> float:
+        """Return the part of an estimate that comes from the prior, 0 to 1; 0 without a prior.
+
+        The part is the variance of the estimate, in the coordinate q, over that of the prior.
+        """
+        return 0 if self.prior is None else min(float(variance) / self.expected[1] ** 2, 1.0)
+
     def prior_cost(self, q: float) -> float:
         """Return the prior's part of the weighted sum of squares at the coordinate q: the squared distance
         from the mean in standard deviations; 0 without a prior."""

@@ -246,8 +246,7 @@ class Fit:
 
     @property
     def r_squared(self) -> float:
-        """Return the coefficient of determination over all recordings, each about its own mean; NaN if
-        measured values are unknown."""
+        """Return the coefficient of determination over all recordings; NaN if measured values are unknown."""
         return pooled_r_squared(self.recordings)
 
     @property
@@ -256,10 +255,12 @@ class Fit:
         return pooled_rmse(self.recordings)
 
     @property
-    def n_estimated(self) -> int:
-        """Return the number of estimated parameters minus the number of priors, plus 1 if the level of the
-        noise was estimated."""
-        return self.n_data - self.degrees_of_freedom + (not self.noise_known)
+    def n_estimated(self) -> float:
+        """Return the effective number of parameters [spiegelhalter2002]: that of a parameter is 1 less the
+        part that comes from its prior. The level of the noise counts 1 if it was estimated."""
+        of_priors = sum(map(Parameter.prior_share, self.parameters, np.diag(self.uncertainty.covariance)))
+        count = self.n_data - self.degrees_of_freedom + sum(p.prior is not None for p in self.parameters)
+        return count - of_priors + (not self.noise_known)
 
     @property
     def doubt(self) -> str:
@@ -288,7 +289,7 @@ class Fit:
 
     @property
     def aic(self) -> float:
-        """Return Akaike's information criterion, from `log_likelihood` and `n_estimated`."""
+        """Return Akaike's information criterion: 2 `n_estimated` - 2 `log_likelihood`."""
         return 2 * self.n_estimated - 2 * self.log_likelihood
 
     @property
@@ -395,6 +396,5 @@ class Fit:
     _repr_html_ = preformatted
 
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
-        """Return the fit as a dictionary for JSON at this confidence level (0 to 1); see `as_dict` for the
-        keys."""
+        """Return the fit as a dictionary for JSON at a confidence level (0 to 1); keys: see `as_dict`."""
         return as_dict(self, level)

@@ -49,7 +49,7 @@ class Control:
         """
         with self._lock:
             if not self._free():
-                self.asking = identity if identity != self.holder else self.asking
+                self.asking = identity if identity not in ("", self.holder) else self.asking
             elif identity:
                 self._give(identity)
         self._hub.send(self._message())

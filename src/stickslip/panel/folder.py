@@ -109,7 +109,7 @@ class Folder:
         `inside` is the folder: "" or a name that ends with a slash.
         """
         # `path` refuses all names of files below this folder.
-        if len(inside) > LONGEST_NAME:
+        if len(inside) > LONGEST_NAME or inside.count("/") > MOST_LEVELS:
             return
         with suppress(OSError):
             content = self._content(inside)

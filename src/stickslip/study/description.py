@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .._version import __version__
-from ..engine.library import library
+from ..engine.library import sources_hash
 from ..quantities.registry import origin
 from ..quantities.units import own_unit
 from .own import OwnFunction, content_hash
@@ -25,7 +25,7 @@ def described(study: Any) -> dict[str, Any]:
     """Return the description of a `Study` as JSON data; studies with equal descriptions have equal results.
 
     Its keys are "study" (points, measure, summary and kept results, with hashes of the user's own files),
-    "order" (see `_order`), "package" (version) and "engine" (checksum of its C declarations). Title and size
+    "order" (see `_order`), "package" (version) and "engine" (hash of its C sources). Title and size
     of tasks are left out, because no result depends on them.
 
     Raises:
@@ -35,7 +35,7 @@ def described(study: Any) -> dict[str, Any]:
         "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
         "order": _order(study.points),
         "package": __version__,
-        "engine": library().STICKSLIP_ABI,  # checksum of the declarations in the engine's C headers
+        "engine": sources_hash(),
     }
 
 

@@ -181,7 +181,9 @@ def check_layout(layout: Layout) -> None:
             raise ValueError(f"{str(name)[:60]!r} is no name of a variable: take letters, digits and _")
     if not (MOST_DIMS >= len(layout.dims) == len(layout.shape) == len(layout.task) > 0):
         raise ValueError(f"it has no sizes of 1 to {MOST_DIMS} dimensions")
-    if min(layout.shape + layout.task) < 1 or layout.tasks > MOST_TASKS:
+    if min(layout.shape + layout.task) < 1:
+        raise ValueError("its dimensions and tasks have sizes below 1")
+    if layout.tasks > MOST_TASKS:
         raise ValueError(f"it would have {layout.tasks:.3g} tasks; up to {MOST_TASKS:,} are possible")
     for one in layout.variables:
         if not {*one.dims} <= {*layout.dims} or (one.dtype != TEXT and np.dtype(one.dtype).kind not in "fiu"):

@@ -210,6 +210,22 @@ def test_steps_without_drive_channel_and_downwards() -> None:
         identify_step(down, voltages=[-60.0], start=1.0)
 
 
+def test_steps_of_different_heights_without_drive_channel_are_predicted_with_their_own() -> None:
+    heights = [-60.0, 30.0]
+    steps = [step_recording(volts, 1e-9, seed) for seed, volts in enumerate(heights)]
+    bare = [one[["end_effector_position"]] for one in steps]
+    fit = identify_step(bare, voltages=heights, start=START)
+    assert fit.predict is not None
+    for full, alone, volts in zip(steps, bare, heights, strict=True):
+        for predicted in (fit.predict(full), fit.predict(alone, volts)):
+            left = predicted - full["end_effector_position"].values
+            assert np.std(left) < 0.01 * abs(volts) * TRUTH["gain"]
+        with pytest.raises(RecordingError, match="drive_voltage"):
+            fit.predict(alone)
+    errors = step_formula_errors(fit, bare, voltages=heights, start=START, n=5)
+    assert abs(float(errors.by_sensor.sel(parameter="gain"))) < 0.02 * TRUTH["gain"]
+
+
 def test_an_inverted_sensor_has_a_negative_gain() -> None:
     """The peak is the lowest sample then."""
     recordings = [step_recording(v, 0.05e-6, seed, gain=-TRUTH["gain"]) for seed, v in enumerate(VOLTS)]

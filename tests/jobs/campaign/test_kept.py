@@ -168,3 +168,22 @@ def test_what_changes_is_computed_again_and_nothing_else(
     run(folder, tmp_path)
     run(folder, tmp_path, file="other.yaml")
     assert finished == dict.fromkeys(STAGES, 2) | {"_friction": 3}
+
+
+def test_a_scale_that_is_less_certain_is_computed_again(
+    folder: Path, tmp_path: Path, finished: Counter
+) -> None:
+    """Its uncertainty is an attribute of the channel; the samples are the same."""
+    run(folder, tmp_path)
+    before = ss.open_recording(folder / "slow.nc")
+    changed = before.load()
+    try:
+        changed["end_effector_position"].attrs["scale_uncertainty"] = 0.01
+        ss.save_recording(changed, folder / "slow.nc")
+        run(folder, tmp_path)
+    finally:
+        del changed["end_effector_position"].attrs["scale_uncertainty"]
+        ss.save_recording(changed, folder / "slow.nc")
+    assert finished["_friction"] == 2
+    run(folder, tmp_path)
+    assert finished["_friction"] == 2

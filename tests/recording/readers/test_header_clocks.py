@@ -119,6 +119,17 @@ def test_units_in_the_header(tmp_path: Path, maker: str) -> None:
     assert found.ch1.attrs["units"] == "V"
 
 
+def test_three_clocks_have_three_names(tmp_path: Path) -> None:
+    rows = [f"{k}\t{k}\t{k}" for k in K]
+    head = ["channel names:", "CH1\tCH2\tCH3", "dt:", "0.0001\t0.0002\t0.0005", "data:"]
+    (tmp_path / "a.txt").write_text("\n".join([*head, *rows]) + "\n")
+    found = ss.read_recording(tmp_path / "a.txt")
+    np.testing.assert_allclose(found.ch3, found.time / 5e-4, atol=1e-9)
+    processing = found.attrs["processing"]
+    assert "interpolated ch2 linearly from time (column 'time (2)'" in processing
+    assert "interpolated ch3 linearly from time (column 'time (3)'" in processing
+
+
 def test_channels_with_clocks_of_their_own(tmp_path: Path) -> None:
     head = "dt:\n0.0001\t0.0002\ndata:"
     (tmp_path / "a.txt").write_text(

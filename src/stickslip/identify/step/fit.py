@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -138,7 +138,8 @@ def identify_step(
     fit = with_moved(fit, moved, said_steps(observed, known, unit))
 
     stage = {name: fit.values[name] for name in STAGE_PARAMETERS}
-    voltage = None if voltages is None else to_si(voltages[0], "V", "voltages")
+    heights = {to_si(height, "V", "voltages") for height in voltages or ()}
+    voltage = heights.pop() if len(heights) == 1 else None
     fit = replace(
         fit,
         model=model and model.replace(**stage, rotary=unit == "rad"),
@@ -221,7 +222,8 @@ def _said_drifts(fit: Fit, unit: str) -> list[str]:
 
 class StepPrediction(NamedTuple):
     """Prediction of a step response by the `values` of a fit (by name, SI); the other fields are arguments of
-    `identify_step`. `voltage` is the height of every step, V; None: from drive_voltage."""
+    `identify_step`. `voltage` is the height of every step, V; None, as after a fit of steps of different
+    heights: from drive_voltage."""
 
     values: Values
     filter: Filter | None
@@ -231,12 +233,11 @@ class StepPrediction(NamedTuple):
     observed: str
     piezo: Piezo | None = None
 
-    def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
-        """Return the predicted position, m (rad), shape (n,), without offset and drift. The step is that of
-        the recording; `drive` is not used."""
-        del drive
-        voltages = None if self.voltage is None else [self.voltage]
-        (test,) = step_tests(recording, voltages, self.start, self.observed)
+    def predict(self, recording: xr.Dataset, drive: float | None = None) -> Array:
+        """Return the predicted position, m (rad), shape (n,), without offset and drift. `drive` is the height
+        of the step, V; by default `voltage`."""
+        height = self.voltage if drive is None else drive
+        (test,) = step_tests(recording, height and [height], self.start, self.observed)
         return _response(self.filter, self.slew_rate, self.piezo)(test, self.values)
 
 
@@ -359,7 +360,7 @@ def step_formula_errors(
     """
     tests = step_tests(recordings, voltages, start, observed=fit.observed)
     assert fit.predict is not None
-    clean = [fit.predict(r) for r in recordings_of(recordings)]
+    clean = [fit.predict(r, of.voltage) for r, of in zip(recordings_of(recordings), tests, strict=True)]
     timings = [timing] * len(tests) if timing else []
     if not timings:
         look = first_look(tests[0]._replace(position=clean[0]))

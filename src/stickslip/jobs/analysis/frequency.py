@@ -214,14 +214,15 @@ def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tupl
 
 
 def _static_gain(fit: Fit) -> Number:
-    """Return the static gain from the first input to the first output, m/V, with its 95 % interval.
+    """Return the static gain from the first input to the first output, with its 95 % interval.
 
     It is the sum of the gains of all modes and of the remainder, which represents faster modes.
     """
-    rest = next(p.name for p in fit.parameters if p.name.startswith("remainder"))
-    names = [f"gain_{m}{rest.removeprefix('remainder')}" for m in range(1, len(fit.model.gain) + 1)] + [rest]
+    rest = next(p for p in fit.parameters if p.name.startswith("remainder"))
+    channel = rest.name.removeprefix("remainder")
+    names = [*(f"gain_{m}{channel}" for m in range(1, len(fit.model.gain) + 1)), rest.name]
     value, error = fit.derived(lambda values: sum(values[name] for name in names))
-    return Number(value, "m/V", low=value - 1.96 * error, high=value + 1.96 * error, standard_error=error)
+    return Number(value, rest.unit, low=value - 1.96 * error, high=value + 1.96 * error, standard_error=error)
 
 
 def _mode(fit: Fit, m: int) -> tuple[Number, Number]:
@@ -287,10 +288,8 @@ def _document(analysis: FrequencyAnalysis, results: list[_Level], one: OneModel 
 
 
 def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, list[Number]]:
-    """Return the quantities that are shown over the amplitude, by name; each list has a number per level.
-
-    They are the static gain [m/V], and frequency [Hz] and damping ratio of the modes to `follow`.
-    """
+    """Return the quantities that are shown over the amplitude, by name; each list has a number per level:
+    static gain, and frequency [Hz] and damping ratio of the modes to `follow`."""
     followed: dict[str, list[Number]] = {"static gain": [_static_gain(r.fits[-1]) for r in results]}
     for m in analysis.follow:
         pairs = [_mode(r.fits[-1], m) for r in results]
@@ -302,6 +301,7 @@ def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, l
 
 def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> Section:
     """Return the section on predictions of held-out drives by each model, with a figure of the last model."""
+    drive_unit, output_unit = analysis.units
     scores = [
         (r.level.name, f"{count(modes)}", *score)
         for r in results
@@ -315,7 +315,7 @@ def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> S
         tables=[
             Table(
                 "Prediction of held-out realisations (other drives than in the fit, on all inputs).",
-                (Column("level"), Column("modes"), Column("r²", "", 5), Column("rms error", "m", 3)),
+                (Column("level"), Column("modes"), Column("r²", "", 5), Column("rms error", output_unit, 3)),
                 scores,
             )
         ],
@@ -328,7 +328,7 @@ def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> S
                     frequency_response_figure(
                         {r.level.name: _measured(r, frequency, show) for r in results},
                         {r.level.name: _modelled(r, frequency, show) for r in results},
-                        unit="m/V",
+                        unit=f"{output_unit}/{drive_unit}",
                     )
                 ),
                 "Gain and phase over frequency at each level, measured and modelled; residuals below",

@@ -12,12 +12,13 @@ import gzip
 import hashlib
 import inspect
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from ...engine.library import sources_hash
 from ...estimate.influence import PriorInfluence
 from ...estimate.lack import Lack
 from ...estimate.posterior import Posterior
@@ -37,6 +38,8 @@ FOLDER = "stages"
 # Fields of a campaign file on which no fit depends: a change of them does not discard finished stages. Of the
 # recordings, the content is part of the hash, not the entry in the file.
 _OF_THE_REPORT = {"title", "notes", "experiment", "recordings", "published", "require"}
+# Attributes of a recording on which no fit depends.
+_OF_A_RECORDING = {"title", "notes", "source"}
 # Fields that request optional analyses; each analysis adds its own settings to the hash of its stage.
 _BESIDE = {"posterior", "posterior_simulations", "profiles", "model_choice"}
 
@@ -139,9 +142,9 @@ def own_laws(file: CampaignFile, folder: Path) -> list[type]:
 
 
 def _program() -> str:
-    """Return a hash of the package's Python sources, in hexadecimal: a new version computes all stages
+    """Return a hash of the sources of package and engine, in hexadecimal: a new version computes all stages
     again."""
-    found = hashlib.sha256()
+    found = hashlib.sha256(sources_hash().encode())
     root = Path(__file__).parents[2]
     for path in sorted(root.rglob("*.py")):
         found.update(path.read_bytes())
@@ -157,16 +160,21 @@ def _source(law: type) -> bytes:
         return law.__qualname__.encode()
 
 
+def _text(attributes: Mapping[Any, Any]) -> bytes:
+    return repr(sorted((str(name), str(value)) for name, value in attributes.items())).encode()
+
+
 def _parts(one: Aligned) -> Iterable[bytes]:
     """Yield the data of a recording that identify it in a hash, as bytes.
 
-    They are name, use, start, noise, units and values of all variables, and the drives; other attributes are
-    left out.
+    They are name, use, start, noise, the attributes of the recording on which a fit may depend, values and
+    attributes (such as the uncertainty of a scale) of all variables, and the drives.
     """
     yield repr((one.name, one.use, one.begin, one.noise, one.forward)).encode()
+    yield _text({k: v for k, v in one.recording.attrs.items() if k not in _OF_A_RECORDING})
     for name in sorted(map(str, one.recording.variables)):
         values = one.recording[name]
-        yield repr((name, values.attrs.get("units"))).encode()
+        yield repr(name).encode() + _text(values.attrs)
         if values.dtype.kind in "fiub":
             yield np.ascontiguousarray(values.values).tobytes()
     for drive in (one.wanted, one.drive):

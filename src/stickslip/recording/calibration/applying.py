@@ -156,5 +156,6 @@ def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = ""
     for name, texts in applied.items():
         if not texts:
             continue
-        known[name] = [*known.get(name, []), *map(json.loads, texts)]
+        earlier = known.get(name, [])  # a text, if the variable has the name of the entry "notes"
+        known[name] = [*(earlier if isinstance(earlier, list) else [earlier]), *map(json.loads, texts)]
     return json.dumps(known, ensure_ascii=False) if known else ""

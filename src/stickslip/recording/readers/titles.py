@@ -230,8 +230,8 @@ def with_header_clock(
         made.setdefault(clock, places[len(made)])
     extra = max(max(made.values()) + 1 - len(channels), 0)
     found = [*channels, *[FileChannel("")] * extra]
-    for i in made.values():
-        name = found[i].name or ("time" if i == min(made.values()) else f"time ({len(made)})")
+    for number, i in enumerate(sorted(made.values()), 1):
+        name = found[i].name or ("time" if number == 1 else f"time ({number})")
         found[i] = found[i]._replace(name=name, unit="s", numeric=True, clock=i)
     for i, clock in zip(columns, each, strict=True):
         found[i] = found[i]._replace(clock=made[clock])

@@ -109,7 +109,7 @@ def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) 
                 "What each model leaves unexplained where it was fitted, and where it predicts.",
                 svg(
                     law_ranking(
-                        [f"{law} ({fit.n_estimated})" for law, fit in found.fits.items()],
+                        [f"{law} ({fit.n_estimated:.3g})" for law, fit in found.fits.items()],
                         table["r_squared"].values,
                         table["verification_r_squared"].values,
                         table["bic"].values if np.all(np.isfinite(table["bic"])) else None,
