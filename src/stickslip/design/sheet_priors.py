@@ -167,7 +167,9 @@ def expectations(sheet: DataSheet) -> Expectations:
         )
     else:
         known["coulomb_force"] = Expected(
-            ACCELERATION * MASS, OF_ACCELERATION, f"{ACCELERATION:g} m/s² times {1e3 * MASS:g} g"
+            ACCELERATION * MASS,
+            math.exp(math.hypot(math.log(OF_ACCELERATION), math.log(OF_MASS))),
+            f"{ACCELERATION:g} m/s² times {1e3 * MASS:g} g",
         )
     if sheet.mass is not None:
         known["end_effector_mass"] = Expected(sheet.mass, printed, SHEET)

@@ -109,9 +109,9 @@ def refuse_law(model: Actuator) -> None:
         )
     if has_jumps(model.friction):
         raise QuantityError(
-            "derivatives need a law whose force does not jump at the start of sliding, as it does with this "
-            f"{type(model.friction).__name__} does (stiction_ratio above 1, a reset): difference `simulate` "
-            "instead"
+            "derivatives need a law whose force does not jump at the start of sliding; that of this "
+            f"{type(model.friction).__name__} jumps (stiction_ratio above 1, or a reset): difference "
+            "`simulate` instead"
         )
 
 

@@ -237,7 +237,8 @@ class StepPrediction(NamedTuple):
         """Return the predicted position, m (rad), shape (n,), without offset and drift. `drive` is the height
         of the step, V; by default `voltage`."""
         height = self.voltage if drive is None else drive
-        (test,) = step_tests(recording, height and [height], self.start, self.observed)
+        heights = None if height is None else [height]
+        (test,) = step_tests(recording, heights, self.start, self.observed)
         return _response(self.filter, self.slew_rate, self.piezo)(test, self.values)
 
 
