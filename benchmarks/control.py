@@ -248,11 +248,10 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
         "",
         f"`python -m benchmarks.control {given.count} --long {given.long}"
         f"{' --minute' if given.minute else ''}`. Actuators are `{SET}` (hysteresis, creep) with random",
-        "numbers: gain and mass 3 %, stage frequency 5 %, damping 10 %, bristle stiffness and friction 10",
-        "%, bristle damping 20 % (standard deviations). Loops are tuned on the set and its corners. Bench:",
-        "12-bit converter, PD200X4 before 1.4 uF, interferometer of 1 nm rms and 50 us delay, 20 kHz. All",
-        "controllers walk with 65 V at 100 Hz. Times (median / greatest) end when the position, averaged",
-        "over 1 ms, stays within the window until the end of a hold of 0.2 s.",
+        "numbers (standard deviations: gain and mass 3 %, stage frequency 5 %, damping, bristle stiffness",
+        "and friction 10 %, bristle damping 20 %). Bench: 12-bit converter, PD200X4 with 1.4 uF, interferometer",
+        "with 1 nm rms and 50 us delay, 20 kHz. All controllers walk with 65 V at 100 Hz. Times (median /",
+        "greatest) end when the position stays within the window until the end of a hold of 0.2 s.",
         "",
         f"## 40 um, {given.count} actuators",
         "",
@@ -263,9 +262,9 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
         *table_of(far),
         "",
         "*Plain stepping* stops where less than half a step is missing. The *published state machine*",
-        "follows a maker's manual (fast steps, slow single steps, linear with PID and notch); the manual",
-        "prints no gains, ours for it cross over at 20 Hz. *PID only* is our regulator without steps: the",
-        "piezo does not reach so far. Energy: median into the capacitance until the end of the hold.",
+        "follows a maker's manual (fast steps, slow single steps, linear with PID and notch), with our gains",
+        "(crossover at 20 Hz). *PID only* is our regulator without steps: the piezo does not reach so far.",
+        "Energy: median into the capacitance until the end of the hold.",
         "",
         "## Other figures",
         "",
@@ -291,9 +290,9 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
         "",
         "## Open loop",
         "",
-        "Share of truths within the 95 % band, and its half-width over a way of 10 mm (median; in",
-        "brackets: of the load alone), for 100 random motors, the first 100 steps measured, against a load",
-        "that drifts by 10 %. The motors step by the model's periodic walk with 20 nm of scatter.",
+        "Share of truths within the 95 % band, and its half-width relative to a distance of 10 mm (median; in",
+        "brackets: the part of the load), for 100 random motors against a load that drifts by 10 %. The first",
+        "100 steps are measured; steps scatter by 20 nm.",
         "",
         "| steps, load | within the band | half-width |",
         "|---|---|---|",
@@ -301,7 +300,7 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
     for (load, volts), (held, width, alone) in content["open_loop"].items():
         half = f"{100 * width:.2f} % ({100 * alone:.2f} %)"
         lines.append(f"| {volts:g} V, {-1e3 * load:.0f} mN | {100 * held:.0f} % | {half} |")
-    lines += ["", "The load limits the band; steps of more volts feel it less.", ""]
+    lines += ["", "The load limits the band; it has less effect at higher voltages.", ""]
     return "\n".join(lines)
 
 
