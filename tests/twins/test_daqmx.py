@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from stickslip.quantities.units import QuantityError
+from stickslip.rig.devices.national_instruments.daqmx import DaqmxRig
+
 
 def test_a_card_records_what_the_plant_does(card) -> None:
     said, _ = card
@@ -26,3 +29,8 @@ def test_a_card_records_what_the_plant_does(card) -> None:
     assert "may keep its last voltage" in note
     assert 0.4 * 1600 < said["kept"] < 1600
     assert said["left_then"] == 0
+
+
+def test_a_card_without_inputs_is_refused() -> None:
+    with pytest.raises(QuantityError, match="name one analogue input at least"):
+        DaqmxRig("Dev1", gain=15.0, inputs={})

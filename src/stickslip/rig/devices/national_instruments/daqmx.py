@@ -40,7 +40,7 @@ class DaqmxRig:
 
     Raises:
         RigError: nidaqmx or its driver is not installed, or there is no such device.
-        QuantityError: a value is out of range.
+        QuantityError: a value is out of range, or there are no inputs.
     """
 
     about = About(
@@ -76,6 +76,8 @@ class DaqmxRig:
             raise QuantityError(
                 f"gain = {gain}, rate = {rate:g} Hz, low = {low:g} V, high = {high:g} V cannot be"
             )
+        if not inputs:
+            raise QuantityError('inputs: name one analogue input at least, such as {"gauge": "ai0"}')
         try:
             self._library: Any = importlib.import_module("nidaqmx")
             self._constants: Any = importlib.import_module("nidaqmx.constants")
