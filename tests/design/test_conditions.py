@@ -17,6 +17,7 @@ from stickslip.design.moving import PeriodicMotions
 from stickslip.design.scenarios import conditions_of
 from stickslip.estimate import Posterior
 from stickslip.rig import VirtualRig, load_bench
+from stickslip.simulation.varied import free_names
 
 KANG = ss.load_actuator("kang2007")
 exact = partial(ss.steady_step, tolerance=1e-11)
@@ -50,6 +51,22 @@ def test_every_scenario_with_every_draw():
         conditions_of(KANG, cases, known, 5, 3).columns["coulomb_force"][4]
         == found.columns["coulomb_force"][4]
     )
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        KANG,
+        ss.load_actuator("kang2007-hysteresis"),
+        KANG.replace(friction=ss.MaxwellSlip((1e6, 2e6), (0.2, 0.3))),
+    ],
+    ids=lambda model: type(model.friction).__name__ + type(model.piezo).__name__,
+)
+def test_every_name_of_a_model_is_a_factor_of_a_scenario(model):
+    for name in free_names(model):
+        factor = 0.99 if name.endswith("stiffness_exponent") else 1.01  # its own value is the greatest
+        found = conditions_of(model, [Scenario(factors={name: factor})], None, 0, 0).columns[name]
+        assert found[1] == pytest.approx(factor * found[0])
 
 
 def test_robust_over_draws_is_worse_nowhere():

@@ -15,7 +15,7 @@ from ..physics.actuator import Actuator
 from ..quantities.records import Quantity, did_you_mean, quantities_within
 from ..quantities.units import QuantityError, to_si
 from ..simulation.members import SCALES
-from ..simulation.varied import element_of, free_names, law_of, with_values
+from ..simulation.varied import free_names, value_of, with_values
 from ..study.drawn import NOT_OF_ACTUATOR, draws_in_si
 
 Array = NDArray[np.float64]
@@ -159,23 +159,8 @@ def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
 
 
 def own(model: Actuator, name: str) -> float:
-    """Return a model's own value of a variable quantity by its name, SI.
-
-    The name is that of a field of the actuator or its law, an element of a list in the law, or a ratio
-    ("stiction_ratio", "breakaway_share"). The scales "load" and "drive_scale" have the value 1.
-    """
-    law = law_of(model)
-    if name in SCALES:
-        return 1.0
-    if name in law._fields:
-        return float(getattr(law, name))
-    if name == "stiction_ratio":
-        return law.stiction_force / law.coulomb_force
-    if name == "breakaway_share":
-        return law.breakaway_deflection * law.sigma_0 / law.coulomb_force
-    if element := element_of(law, name):
-        return float(getattr(law, element[0])[element[1]])
-    return float(getattr(model, name))
+    """Return a model's own value of a quantity that a scenario may change, SI; 1 for a scale of `SCALES`."""
+    return 1.0 if name in SCALES else value_of(model, name)
 
 
 def drawn(model: Actuator, source: Uncertainty, count: int, seed: int) -> list[dict[str, float]]:

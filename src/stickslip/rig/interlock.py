@@ -388,7 +388,10 @@ class HostedInterlock:
         self._ask("acknowledge", who=who, why=why)
 
     def permit(self, name: str, given: bool, who: str, why: str) -> None:
-        """Give (`given` True) or withdraw the permit `name`. Withdrawing also stops an active run."""
+        """Give (`given` True) or withdraw the permit `name`; `who` and the reason `why` are logged.
+
+        Withdrawing also disarms, and stops an active run. QuantityError without a reason or such a permit.
+        """
         self._ask("permit", name=name, given=given, who=who, why=why)
 
     def state(self) -> Mapping[str, Any]:

@@ -273,8 +273,8 @@ def _tables(
     end: float | None,
     periodic: bool,
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
-    """Return the drive tables of the valid members, the index of each member's table, and the end of each run
-    [s], NaN if refused. A drive that is too long, not periodic or jumps gets a message in `reasons`."""
+    """Return the drive tables of the valid members, the index of each one's table, and the end of its run [s]
+    (0, NaN if refused, but for a jump). A drive too long, not periodic or with jumps gets a reason."""
     rows = [of.waveform for of in driven]
     for m, row in enumerate(rows):
         if not reasons[m]:

@@ -1,4 +1,7 @@
-"""Prediction of the force channel of a moved contact, from a law and its values alone."""
+"""Prediction of the force channel of a moved contact, from a law, its values and the recorded motion.
+
+The recorded force serves only for the initial force, and its range for the accuracy of the simulation.
+"""
 
 from __future__ import annotations
 

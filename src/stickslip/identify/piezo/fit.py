@@ -304,7 +304,7 @@ def _problem(
 
 
 class _Described:
-    """Residuals (model minus measured) and their derivatives; columns are cached by delay, lag and skew."""
+    """Residuals (model minus measured) and derivatives; `Columns` are cached by delay, lag (`timed`) and skew."""
 
     def __init__(self, seen: Sequence[Observed], grid: PlayGrid, names: Sequence[str], timed: bool) -> None:
         self.seen, self.grid, self.names, self.timed = seen, grid, names, timed

@@ -1,6 +1,7 @@
-"""Preparation of a campaign's recordings for the fits: reading, alignment with their drives, and scaling.
+"""Preparation of a campaign's recordings for the fits: recording of its experiment, reading of the user's own
+files, alignment with the drives, and scaling.
 
-The position is scaled to that of a more accurate reference channel.
+If the campaign names a more accurate reference channel, the position is scaled to it.
 """
 
 from __future__ import annotations

@@ -85,9 +85,10 @@ def conclusion(choice: Comparison) -> str:
 
 
 def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) -> Section:
-    """Return a section with the ranking of the models, and whether it confirms the usual choice.
+    """Return a section with the ranking of the models, a table and a figure.
 
-    The section has the sentence of `conclusion`, a table and a figure.
+    If the usual model is among them, the section also has the sentence of `conclusion` on whether the ranking
+    confirms it.
 
     Args:
         found: the compared models.

@@ -20,7 +20,7 @@ from ...waveform.drive import Drive
 
 Array = NDArray[np.float64]
 
-# Largest number of pieces of a table, which then takes about a gigabyte. A drive that needs more is refused.
+# Largest number of pieces of a table, about 200 MB. A drive that needs more is refused.
 MOST_PIECES = 4_000_000
 
 
@@ -57,18 +57,19 @@ def filled(fill: Callable[[Array, Cubics], int], state: Array, room: int) -> Cub
     Raises:
         QuantityError: more pieces are needed than `MOST_PIECES`.
     """
-    begun = state.copy()
-    while room <= 4 * MOST_PIECES:
+    begun, room = state.copy(), min(room, MOST_PIECES)
+    while True:
         pieces = Cubics(np.empty(room), np.empty(room, np.int64), np.empty((room, 4)))
         state[:] = begun
         count = fill(state, pieces)
         if count >= 0:
             return Cubics(pieces.start[:count], pieces.source[:count], pieces.cubic[:count])
-        room *= 4
-    raise QuantityError(
-        f"hysteresis and creep make more than {MOST_PIECES} segments of the drive: shorten the drive, or "
-        "allow a greater tolerance"
-    )
+        if room == MOST_PIECES:
+            raise QuantityError(
+                f"hysteresis and creep make more than {MOST_PIECES} segments of the drive: shorten the "
+                "drive, or allow a greater tolerance"
+            )
+        room = min(4 * room, MOST_PIECES)
 
 
 def with_cubics(drive: Drive, pieces: Cubics, before: float) -> Drive:

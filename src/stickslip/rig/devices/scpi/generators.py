@@ -178,7 +178,8 @@ class Generator:
     def off(self) -> None:
         """Switch the output off. The command is sent even if answers to earlier commands were missing.
 
-        RigError if the generator reports an error or does not answer.
+        RigError if the generator reports an error or does not answer, and also, after the command was sent,
+        if an earlier answer was missing.
         """
         command = self.table.off.format(n=self._n)
         self.link.tell(command)
