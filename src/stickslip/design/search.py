@@ -50,6 +50,7 @@ LATER = 6
 # Largest number of conditions that represent all conditions if candidates are judged by a quantile.
 RANKS = 24
 # Smallest gain of the score in a round, relative to the scale of merits, after which another round follows.
+# The first round needs no gain. Another round also needs a new condition by which to judge.
 GAIN = 2e-5
 DOING = "searching for a drive signal"
 # Factor of the penalty in a merit or score for a shortfall below the baseline, the minimum speed or the

@@ -35,7 +35,7 @@ class ComposedPlant:
     """A plant as a struct of the engine, usable for any number of runs.
 
     Args:
-        plant: see `plant.system.Plant`.
+        plant: see `simulation.plant.system.Plant`.
 
     Attributes:
         struct: pointer to the C struct `plant`.

@@ -69,8 +69,8 @@ class ComposedMembers:
     """Plants of one layout with different numbers, as the engine takes them.
 
     Args:
-        plant: one plant with this layout, see `plant.system.Plant`.
-        values: numbers of each plant [members, numbers], in the order of `plant.system.values_of`.
+        plant: one plant with this layout, see `simulation.plant.system.Plant`.
+        values: numbers of each plant [members, numbers], in the order of `simulation.plant.system.values_of`.
 
     Attributes:
         struct: pointer to the C array of plants.

@@ -93,7 +93,8 @@ def register(
             multiple of `period`, with the input at that instant; the state is constant in between.
         branches: parts of a law whose rate is only piecewise smooth, see `Branches`; `rate` is the whole law.
         smooth: the record is not a friction contact but an element without a kink at v = 0: a lag, an
-            amplifier, creep, a controller (see `plant.system`); its input v and output F may have any unit.
+            amplifier, creep, a controller (see `simulation.plant.system`); its input v and output F may have
+            any unit.
         named: False for the elements of a composed law, which are not available by name.
 
     Raises:

@@ -79,7 +79,8 @@ class Hdf5Array:
         """Return the numbers of the array, or those in the slice `part` (with step 1) along one axis.
 
         Raises:
-            GateError: the array has no numbers, or a chunk of it unpacks to more than it declares.
+            GateError: the array has no numbers, its data are damaged, or its chunks share bytes or unpack to
+                more than they declare.
         """
         if self.kind not in tuple("iufbc"):
             raise GateError(f"{self._tree.path}: {self.name!r} holds no numbers")

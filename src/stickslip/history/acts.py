@@ -1,5 +1,5 @@
-"""Log of actions on the runs (recordings, fits) of a folder that leave no file of their own there: exports,
-renamings, drives sent to a rig."""
+"""Log of actions on the runs (recordings, fits) of a folder: runs that were recorded with a predicted drive,
+taken from a file, renamed, exported, moved to the bin or restored, and drives sent to a rig."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Answers to the Design page: step map, search for a drive, Pareto front, motion, expected intervals.
+"""Requests of the Design page and their answers: input fields, step map, search for a drive, Pareto front,
+motion, and expected confidence intervals.
 
-Requests contain an actuator with its load. Each function takes such a request and `sets`, the parameter sets
-on offer, and raises QuantityError or SimulationError for values that cannot be used.
+Requests contain an actuator with its load. The functions that answer a request also take `sets`, the
+parameter sets on offer, and raise QuantityError or SimulationError for values that cannot be used.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Access to the panel: hosts, origins, tokens, the size of requests, and security headers of answers."""
+"""Access to the panel: hosts, origins, tokens and their roles, the size of requests, and security headers of
+answers."""
 
 from __future__ import annotations
 

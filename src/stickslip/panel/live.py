@@ -1,4 +1,5 @@
-"""Samples of the current or last run: sent to every page at once, and kept in memory at full resolution."""
+"""Samples of the current or last run, kept in memory as float32. During the run, minimum and maximum of
+groups of successive samples are sent to every page; a page that zooms in can get all samples of a part."""
 
 from __future__ import annotations
 

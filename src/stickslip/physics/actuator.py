@@ -195,7 +195,8 @@ class Actuator(NamedTuple):
 
     @property
     def static(self) -> bool:
-        """Return True for an infinite natural frequency: the stage follows the voltage at once, y = C u."""
+        """Return True for an infinite natural frequency: the stage follows the voltage at once, by its
+        `gain`."""
         omega = self.natural_frequency
         return math.isinf(omega) if isinstance(omega, float) else bool(np.all(np.isinf(omega)))
 
@@ -208,8 +209,8 @@ class Actuator(NamedTuple):
 
     @property
     def coupling(self) -> float:
-        """Return the coupling κ = T²/(k C_0), the relative increase of the stage's stiffness at constant
-        charge; 0 without a `two_port`."""
+        """Return the coupling κ = T²/(k C_0) of force per volt T, stiffness k and capacitance C_0: the
+        relative increase of the stage's stiffness at constant charge; 0 without a `two_port`."""
         if self.two_port is None:
             return 0.0
         return self.gain * self.drive_force_per_volt / self.two_port.capacitance
@@ -234,8 +235,8 @@ class Actuator(NamedTuple):
 
     @property
     def drive_force_per_volt(self) -> float:
-        """Return the force of the blocked piezo per volt, N/V: T = C k; for a static stage the field
-        `blocked_force_per_volt` [kang2007, eq. 1.2].
+        """Return the force of the blocked piezo per volt, N/V (N m/V if rotary): the product of `gain` and
+        `stage_stiffness`, or for a static stage the field `blocked_force_per_volt` [kang2007, eq. 1.2].
 
         Raises:
             QuantityError: the stage is static and `blocked_force_per_volt` is not known.

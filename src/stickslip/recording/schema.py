@@ -253,7 +253,7 @@ def _with_unit(value: Any) -> tuple[Any, str | None]:
 
 def _seconds(time: Any) -> np.ndarray:
     array, unit = _with_unit(time)
-    # Dates are refused, because NumPy would convert them to a number of nanoseconds.
+    # Dates and durations are refused: NumPy would convert them to counts of their time unit, such as ns.
     if np.asarray(array).dtype.kind in "mM":
         raise RecordingError(
             "time holds dates or durations, not numbers: give seconds since the first sample"

@@ -67,12 +67,13 @@ def regulate(
     The voltage that the controller requests is clipped to the voltage range and slew rate of the limits;
     `limited_updates` counts the clipped updates. A request that is not finite, an exception, or no answer
     within `limits.watchdog` ends the run. A controller with an attribute `done` ends the run when it becomes
-    true.
+    true. If the controller has an attribute `target`, this target is recorded and checked instead of the
+    given one.
 
     Args:
         rig: a rig whose output is set update by update, such as `VirtualRig`; or a `HostedRig` of one.
-        controller: has `step(measured, target, tick)`. A `HostedRig` needs a `ControllerSpec`, from which its
-            process makes the controller.
+        controller: has `step(measured, target, tick)`, see `protocols.Controller`. A `HostedRig` needs a
+            `ControllerSpec`, from which its process makes the controller.
         target: target position, m (rad) from home: a number, a text with unit, or a waveform in that unit.
         channels: settings by the name of the recorded variable, without filter and `zero`. The channel
             `end_effector_position` is the controlled position.
@@ -82,7 +83,9 @@ def regulate(
             recorded.
         title, attributes, progress, home, save: as for `measure`. A run that ended early is saved in
             unfinished/ beside `save`.
-        sees: called with the next values of each channel [n] by name; an error that it raises ends the run.
+        sees: called about every 5 ms with the next values of each channel [n] by name, in the thread of the
+            loop: a slow function delays the updates (not those of a `HostedRig`). An error that it raises
+            ends the run.
         plausibility: thresholds for the position, see `control.plausibility`; by default the controller's
             own, as for a `Mover`.
         second: name of a channel that measures the same position by another sensor, for comparison; "" for
@@ -90,12 +93,13 @@ def regulate(
 
     Returns:
         The recording, with `target_position` [m or rad] and `asked_voltage` [V], the controller's request
-        before it is clipped. Its attributes `limited_updates`, `slowest_step` and `mean_step` (computing
-        time of the controller's `step`, s) and `late_updates` (number of steps that took longer than an
-        update) are statistics of the run.
+        before it is clipped. Its attributes `limited_updates`, `slowest_step` and `mean_step` (computing time
+        of the controller's `step`, s) and `late_updates` (number of steps that took longer than an update)
+        are statistics of the run.
 
     Raises:
-        QuantityError: a channel, a limit, the target or a time does not fit the rig. Nothing was put out.
+        QuantityError: a channel, a limit, the target, a time or the update rate of the controller does not
+            fit the rig. Nothing was put out.
         InterlockError: the run may not start, for example because the output is not armed.
         LimitError: a limit was passed, the position is not plausible, or the controller failed; its
             `recording` contains the samples so far.

@@ -129,7 +129,7 @@ class System(NamedTuple):
     """Plant of a model, and the meaning of its state.
 
     Attributes:
-        plant: see `plant.system.Plant`.
+        plant: see `simulation.plant.system.Plant`.
         stages: columns of the positions of the stage's modes; empty if the stage follows the drive or is
             fixed.
         slider: column of the position of the end-effector.
@@ -186,7 +186,7 @@ class System(NamedTuple):
 
 
 def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool = False) -> System:
-    """Return the plant of a model [kang2007, eq. 3.20-3.25]; see `plant.system`.
+    """Return the plant of a model [kang2007, eq. 3.20-3.25]; see `simulation.plant.system`.
 
     Args:
         model: the actuator or pulled slider.

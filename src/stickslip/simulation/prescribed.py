@@ -50,7 +50,7 @@ def friction_response(
         reference_normal_force: N.
         proportional: multiply the force by the normal force; use it for measured normal forces, whose noise
             would renew the contact continually. Otherwise newly loaded area carries no tangential force, and
-            unloaded area loses its share in proportion (see `plant.system`).
+            unloaded area loses its share in proportion (see `simulation.plant.system`).
         initial_force: friction force at the first sample, N: all elements start equally deflected so that
             they carry it, or as much of it as the law can. 0 is a relaxed contact.
         initial_velocity: velocity at the first sample, m/s, for a recording that starts during motion; its

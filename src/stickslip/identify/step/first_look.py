@@ -134,8 +134,7 @@ def _crossing(test: StepTest) -> tuple[float, float, tuple[float, float]]:
 
     Returns:
         The duration from a quarter to three quarters of the rise [s]; the time after the step at which half
-        of
-            the rise is reached [s]; and the pair of position before the step and height of the rise [m].
+        of the rise is reached [s]; and the pair of position before the step and height of the rise [m].
 
     Raises:
         RecordingError: there are no samples before or after the step, or the rise is not above the noise.
@@ -190,8 +189,15 @@ def _thinned(test: StepTest, most: int) -> StepTest:
 
 
 def _aligned(look: Look, test: StepTest, half: float, response: Response) -> Look:
-    """Return the estimate `look` with the delay at which its response reaches half of the rise at the same
-    time `half` [s] after the step as the recorded one."""
+    """Return the estimate `look` with another delay, at which its response reaches half of its rise at the
+    time `half` [s] after the step.
+
+    Args:
+        look: estimate whose delay is 0.
+        test: recorded step; its time and position are not used.
+        half: time after the step at which the recorded position reaches half of its rise, s.
+        response: function for the response of an estimate to the step, see `Response`.
+    """
     slow = 2.0 / look.natural_frequency * (1.0 + 2.0 * look.damping_ratio)
     since = np.append(np.linspace(0.0, max(slow, 2.0 * half), 40), 1e3 / look.decay)
     share = np.abs(response(test._replace(time=since), look))

@@ -39,8 +39,8 @@ from .formulas import Timing, classical, second_order, timing_of
 from .linear import filter_zeros_poles, second_order_poles
 from .recorded_step import POSITION, StepTest, step_tests
 
-# Fitted duration after the step, in peak times (WINDOW) or in decay times (DECAYS), whichever is longer;
-# later samples only show the drift of the sensor.
+# Fitted duration after the step: the longer of WINDOW peak times, and DECAYS decay times plus the delay of
+# the response. Later samples only show the drift of the sensor.
 WINDOW, DECAYS = 8.0, 3.0
 # Fitted duration before the step, in durations after the step: a longer rest hardly improves the estimate of
 # the drift.

@@ -25,7 +25,9 @@ from .file import AnalysisError
 
 Quantity = float | str
 Array = NDArray[np.float64]
-# Number of draws from the standard errors in a results.json; each part of a design uses as many as it needs.
+# Number of random draws of the parameters from the values, standard errors and correlations in a
+# results.json. A part of a design uses all, draws some of them at random (with repetition), or takes evenly
+# spaced ones.
 DRAWS = 1000
 
 

@@ -201,9 +201,9 @@ def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
 
 
 def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tuple[int, int]) -> None:
-    """Raise AnalysisError unless drive and response to `test` the level `name` have the right shapes.
+    """Raise AnalysisError if `test`, the arrays of drive and response of the level `name`, have wrong shapes.
 
-    They must be alike but for the numbers of inputs and outputs of the level, `channels`.
+    Axis 1 must have the numbers of inputs and outputs, `channels`; all other axes must be alike.
     """
     drive, response = (array.shape for array in test)
     if (drive[0], *drive[2:]) != (response[0], *response[2:]) or (drive[1], response[1]) != channels:

@@ -234,12 +234,19 @@ def _stage(
 ) -> _Stage:
     """Identify hysteresis and creep, then the vibration mode, as far as recordings for them exist.
 
+    The alternative stages of the hysteresis get the vibration mode that the steps give with them, and the
+    errors of formulas for the step response are computed.
+
     Args:
         file: the campaign.
         recordings: all recordings of the campaign.
         model: actuator with initial values.
         progress: called with the current activity and the finished fraction.
         kept: store of finished stages of the computation.
+
+    Returns:
+        The identified stage. Without recordings of a piezo its `hysteresis` is None; without steps its `fit`
+        and `formulas` are None.
     """
     hysteresis = None
     if any(one.use == "piezo" for one in recordings):

@@ -68,7 +68,8 @@ class Hysteresis(NamedTuple):
         """Return a fit of the steps whose covariance also contains the errors of hysteresis and creep.
 
         `stage` is the fit. The added covariance is that of its parameters over the alternative stages
-        (jackknife).
+        (jackknife). These must come from `refitted`: other stages have the same vibration mode, which then
+        gets no added error.
         """
         at = [i for i, p in enumerate(stage.parameters) if p.name in STAGE_PARAMETERS]
         kept = [stage.parameters[i] for i in at]

@@ -71,8 +71,11 @@ class Adc(NamedTuple):
 
 
 def dac_output(dac: Dac, numbers: ArrayLike) -> NDArray[np.float64]:
-    """Return the output voltages [V] of a converter for numbers that a program writes, in the same shape:
-    multiplied by the gain, rounded to a step, and clipped to the converter's range."""
+    """Return the output voltages [V] of a converter for numbers that a program writes, in the same shape.
+
+    Each number is multiplied by the gain, rounded to the nearest step (down to a step if the converter
+    `truncates`), and clipped to the range from `low` to one step below `high`.
+    """
     steps = (array_si(numbers, "", "numbers") * dac.gain - dac.low) / dac.step
     # If a program computes a number from a step's voltage, rounding may make the number slightly too low. So
     # a small part of a step is added before truncation.

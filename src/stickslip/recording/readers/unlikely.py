@@ -69,7 +69,15 @@ def _unlikely(variable: FileVariable, size: str, likely: str, unit: str) -> Reco
 
 def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> None:
     """Warn (RecordingWarning) of unknown units, and of units that are assumed because neither file nor user
-    states them: one warning for all columns of each kind."""
+    states them: one warning for all columns of each kind.
+
+    The second warning also names likelier units, and omits columns whose first samples are all missing.
+
+    Args:
+        path: file that was read; its name is part of the warnings.
+        chosen: selected channels.
+        groups: their values in SI, grouped by clock, in the order of `chosen.clocks`.
+    """
     unsaid: dict[str, tuple[FileVariable, str]] = {}
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         named = [] if clock is None else [(clock, group.time)]

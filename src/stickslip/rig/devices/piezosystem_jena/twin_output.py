@@ -199,8 +199,9 @@ class Output:
         """Yield the pieces of drive for arrays of set points, one set point (V; closed loop: um) per tick.
 
         In open loop the drive follows the set points after low pass and slew-rate limit, in closed loop it is
-        the controller's output. After the last set point, pieces with this set point continue while the
-        recorder runs or the output has not settled; a closed loop never settles.
+        the controller's output. After the last set point `generating` becomes False, and pieces with this set
+        point (or the previous one, if `points` is empty) continue while the recorder runs or the output has
+        not settled. A closed loop never settles, so its pieces never end.
         """
         for chunk in points:
             for first in range(0, chunk.size, _PIECE):
