@@ -18,19 +18,20 @@ HEAD = """# Response times of the panel
 Server and browser (headless Chromium without a graphics card) share one machine. All figures:
 [panel.json](panel.json).
 """
-# Title, description, and the rows that the page shows; panel.json keeps all of them.
+# Title, description, and the rows that the page shows; panel.json contains all rows. A part without rows is
+# not on the page.
 ABOUT = {
     "minute": (
         "The first minute",
         "`python -m benchmarks.panel_minute`: open a page, start a walk of 4 s, wait for its end, open "
         "Identify, start a fit.",
-        ("first paint after the page was opened", "it is identified, verified and reported"),
+        (),
     ),
     "streaming": (
         "The stream",
         "`python -m benchmarks.panel_streaming`: three channels of 20 kHz at 20 times real time, watched by "
         "clients of another process.",
-        ("signal", "slope of the second half"),
+        (),
     ),
     "hour": (
         "An hour with 200 connections",
@@ -101,6 +102,8 @@ def write_page(kept: dict[str, Any]) -> None:
     for name, found in kept.items():
         key, _, word = name.partition(":")
         title, about, shown = ABOUT[key]
+        if not shown:
+            continue
         heading = f"## {title}, {word.strip()}" if word else f"## {title}"
         parts += [f"{heading}\n\n{textwrap.fill(about, 118)}\n", f"Measured: {found['machine']}.\n"]
         lines = [f"| {what} | {figure} |" for what, figure in found["rows"] if what in shown]
