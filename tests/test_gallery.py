@@ -35,7 +35,8 @@ def test_a_page_shows_its_code_and_what_it_makes() -> None:
         codes = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
         assert len(codes) == 1, name
         compile(codes[0], name, "exec")
-        makes = {line.split(" = ")[0] for line in codes[0].splitlines() if " = " in line}
+        assigned = [line.split(" = ")[0] for line in codes[0].splitlines() if " = " in line]
+        makes = {target for targets in assigned for target in targets.split(", ")}
         pictures = re.findall(r"!\[[^\]]+\]\(\.\./figures/([\w-]+\.svg)\)", text)
         assert ("figure" in makes and len(pictures) == 1) or ("table" in makes and "\n| law |" in text), name
         for picture in pictures:
