@@ -312,14 +312,13 @@ def wrong(cost: Cost) -> str:
 
 INTRODUCTION = """\
 `python -m benchmarks.hostile_files`: {files} of {count} hostile files, each opened from Python, by the
-command line and by a panel that serves a folder.
+command line and by a panel that serves a folder. Times and memory of Python and commands include the start
+of a process. Times of the panel are those of the request, its memory is that of the larger of server and
+reading process.
 
-Python and commands: time and peak memory include the start of a process. Panel: time of the request,
-memory of the server or of the process that reads, whichever is larger. An upload with a possible preview
-is accepted. A list answers without an error: the row of the file has the reason.
-
-Aim: {seconds:.0f} s of computing and {most:.0f} MB in any process, one sentence, no traceback, no fault
-of the server, no file accepted except {read} that are the largest within the limits, or unusual only.
+Aim: at most {seconds:.0f} s of computing and {most:.0f} MB in any process, and an error of one sentence
+without traceback or server error. Only {read} files that are at the limits, or merely unusual, may be
+accepted. The panel accepts an upload with a possible preview, and lists the reason for any other file.
 """
 
 

@@ -303,8 +303,8 @@ each).
 The twin's errors and share outside lie within the ranges of the real sessions. Its times are 0.1 s shorter
 than those of the fastest sessions, because its steps are longer: 10 um are 114 steps of 88 nm (0.23 s at 500
 Hz), or 149 steps of 67 nm, the smallest possible step of the real axis (0.30 s). With a gain for 69 nm a step
-the median is 0.29 s (range 90 nm, 16 moves). The times of real sessions form groups 0.3 s apart, without a
-published reason, and one real move took 135 s; the twin shows neither.
+the median is 0.29 s (range 90 nm, 16 moves). Unlike the twin, the times of real sessions form groups 0.3 s
+apart, and one real move took 135 s.
 
 ![Errors after the stop on the twin, and of the published sessions](../figures/real-moves.svg)
 
