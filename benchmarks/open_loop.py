@@ -257,7 +257,7 @@ noise. Then it makes 8 walks of 100 to 1500 steps without the sensor, with one r
 
 The drift determines the width. The model treats drift as a random walk, so intervals are too wide after
 long walks if the drift returns to its mean. The upper end of the drift (a fall of the likelihood by 1/4)
-was chosen here: for 14 other motors 90 % of the intervals contained the truth with the drift at its most
+was chosen here. For 14 other motors 90 % of the intervals contained the truth with the drift at its most
 likely value, and 94 % with a fall by 1/8.
 """
 

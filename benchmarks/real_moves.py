@@ -301,19 +301,19 @@ each).
 {rows}
 
 The twin's errors and share outside lie within the ranges of the real sessions. Its times are 0.1 s shorter
-than those of the fastest sessions, because its steps are longer: 10 um are 114 steps of 88 nm (0.23 s at 500
-Hz), or 149 steps of 67 nm, the smallest possible step of the real axis (0.30 s). With a gain for 69 nm a step
-the median is 0.29 s (range 90 nm, 16 moves). Unlike the twin, the times of real sessions form groups 0.3 s
-apart, and one real move took 135 s.
+than those of the fastest sessions, because its steps are longer. At 500 Hz a move of 10 um takes 0.23 s with
+steps of 88 nm, and 0.30 s with 67 nm, the smallest possible step of the real axis. With a gain for 69 nm
+a step the median is 0.29 s (range 90 nm, 16 moves). Unlike the twin, the times of real sessions form groups
+0.3 s apart, and one real move took 135 s.
 
 ![Errors after the stop on the twin, and of the published sessions](../figures/real-moves.svg)
 
 ## Is "arrived" true?
 
-{count} moves by 10 um, tolerance 100 nm, on the virtual rig with the same axis: scatter of 2 to 15 %, steps
-that differ by direction by up to 65 %, threshold noise of 0.2 to 2 V, relaxation of up to 0.35 um within
-10 ms to 1 s. The loop's model is wrong by 3 % in each number and contains no irregularity. "Arrived" is true
-if the true position stays within 100 nm for 0.1 s.
+{count} moves by 10 um, tolerance 100 nm, on the virtual rig with the same axis. Steps scatter by 2 to 15 %
+and differ by direction by up to 65 %; the threshold scatters by 0.2 to 2 V, and the stage relaxes by up to
+0.35 um within 10 ms to 1 s. The loop's model is wrong by 3 % in each number and contains no irregularity.
+"Arrived" is true if the true position stays within 100 nm for 0.1 s.
 
 - {said} of {count} moves reported "arrived"; **{true} of them truly** (at least {least:.1f} % with 95 %
   confidence).
