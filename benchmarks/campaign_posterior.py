@@ -14,7 +14,6 @@ import os
 import sys
 import tempfile
 import time
-from datetime import date
 from pathlib import Path
 
 from stickslip.jobs.campaign.additional import additional
@@ -29,13 +28,6 @@ from stickslip.quantities.units import with_prefix
 from .results import write_page
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "posterior.md"
-HEAD = """# The posterior of a whole campaign
-
-`python -m benchmarks.campaign_posterior`: the thesis's campaign on the virtual rig (`stickslip campaign`
-with `posterior: true`). The fit's intervals of friction take the stage as known; "with all errors" adds
-those of the stage, linearised; the posterior has both free at once. Of the stage, the fit is that of the
-steps. Posterior: 95 % intervals of highest density; ess: effective samples.
-"""
 
 
 def shown(ends: tuple[float, float], unit: str) -> str:
@@ -79,11 +71,8 @@ def main(most: int) -> None:
     load = os.getloadavg()[1]
     chain = samples.message
     took = f"{cpu:.0f} s of processor, {wall:.0f} s by the clock"
-    measured = (
-        f"Measured: {date.today()}, {os.cpu_count()} processors, load {load:.1f}; {took}.\n\n{chain}.\n"
-    )
-    write_page(PAGE, "\n".join([HEAD, measured, *lines]))
-    print(PAGE.read_text(encoding="utf-8"))
+    measured = f"Load {load:.1f}; {took}; {chain}."
+    print(write_page(PAGE, {"measured": measured, "intervals": "\n".join(lines)}))
 
 
 if __name__ == "__main__":

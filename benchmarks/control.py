@@ -238,70 +238,44 @@ def main() -> None:
     content = {"open_loop": blind, "us": rates, "minute": rms, "equal": equalised(20, given.seed)}
     content["moves"] = wander(given.moves, given.seed) if given.moves else None
     print(content)
-    write_page(OUT, page(given, near, far, content))
+    write_page(OUT, measured(given, near, far, content))
 
 
-def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[str, Any]) -> str:
-    """docs/benchmarks/control.md."""
-    lines = [
-        "# Controllers",
-        "",
-        f"`python -m benchmarks.control {given.count} --long {given.long}"
-        f"{' --minute' if given.minute else ''}`. Actuators are `{SET}` (hysteresis, creep) with random",
-        "numbers (standard deviations: gain and mass 3 %, stage frequency 5 %, damping, bristle stiffness",
-        "and friction 10 %, bristle damping 20 %). Bench: 12-bit converter, PD200X4 with 1.4 uF,",
-        "interferometer with 1 nm rms and 50 us delay, 20 kHz. All walk with 65 V at 100 Hz. Times",
-        "(median / greatest) end when the position stays within the window until the end of a hold of 0.2 s.",
-        "",
-        f"## 40 um, {given.count} actuators",
-        "",
-        *table_of(near),
-        "",
-        f"## 1 mm, {given.long} actuators",
-        "",
-        *table_of(far),
-        "",
-        "*Plain stepping* stops where less than half a step is missing. The *published state machine*",
-        "follows a maker's manual (fast steps, slow single steps, linear with PID and notch), with our gains",
-        "(crossover at 20 Hz). *PID only* is our regulator without steps: the piezo does not reach so far.",
-        "Energy: median into the capacitance until the end of the hold.",
-        "",
-        "## Other figures",
-        "",
+def measured(
+    given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[str, Any]
+) -> dict[str, str]:
+    """Return the measured parts of the page."""
+    first, last = content["equal"]
+    others = [
         "| what | measured |",
         "|---|---|",
-    ]
-    first, last = content["equal"]
-    lines.append(
         "| steps of 2 um, 20 actuators, loads up to 30 mN: greatest difference between directions in the "
-        f"first and third series of ten | {100 * first:.1f} %, {100 * last:.2f} % |"
-    )
+        f"first and third series of ten | {100 * first:.1f} %, {100 * last:.2f} % |",
+    ]
     if content["moves"] is not None:
         one = content["moves"]
-        lines.append(
+        others.append(
             f"| {one.moves} random moves within 60 um: greatest overshoot; voltage, current "
             f"| {1e9 * one.beyond:.0f} nm; {one.low:.2f} to {one.high:.2f} V, {one.current:.2f} A |"
         )
     if content["minute"] == content["minute"]:
-        lines.append(f"| hold at 15 um over a minute, rms | {1e9 * content['minute']:.2f} nm |")
+        others.append(f"| hold at 15 um over a minute, rms | {1e9 * content['minute']:.2f} nm |")
     for name, us in content["us"].items():
-        lines.append(f"| CPU time of an update, {name}, over the 50 us of 20 kHz | {us / 50.0:.2f} |")
-    lines += [
-        "",
-        "## Open loop",
-        "",
-        "Share of truths within the 95 % band, and its half-width relative to a distance of 10 mm (median;",
-        "in brackets: the part of the load), for 100 random motors against a load that drifts by 10 %. The",
-        "first 100 steps are measured; steps scatter by 20 nm.",
-        "",
-        "| steps, load | within the band | half-width |",
-        "|---|---|---|",
-    ]
+        others.append(f"| CPU time of an update, {name}, over the 50 us of 20 kHz | {us / 50.0:.2f} |")
+    blind = ["| steps, load | within the band | half-width |", "|---|---|---|"]
     for (load, volts), (held, width, alone) in content["open_loop"].items():
         half = f"{100 * width:.2f} % ({100 * alone:.2f} %)"
-        lines.append(f"| {volts:g} V, {-1e3 * load:.0f} mN | {100 * held:.0f} % | {half} |")
-    lines += ["", "The load limits the band; it has less effect at higher voltages.", ""]
-    return "\n".join(lines)
+        blind.append(f"| {volts:g} V, {-1e3 * load:.0f} mN | {100 * held:.0f} % | {half} |")
+    minute = " --minute" if given.minute else ""
+    return {
+        "command": f"`python -m benchmarks.control {given.count} --long {given.long}{minute}`: "
+        f"{given.count} actuators "
+        f"move by 40 um, {given.long} by 1 mm.",
+        "near": "\n".join(table_of(near)),
+        "far": "\n".join(table_of(far)),
+        "others": "\n".join(others),
+        "open_loop": "\n".join(blind),
+    }
 
 
 if __name__ == "__main__":

@@ -117,35 +117,21 @@ def main() -> None:
         row("do-mpc", name, np.array(one["positions"]), one["seconds"])
         for name, one in zip(plants, found, strict=True)
     ]
-    write_page(OUT, page(version, rows))
-    print(OUT.read_text(encoding="utf-8"))
+    print(write_page(OUT, measured(version, rows)))
 
 
-def page(version: str, rows: list[Row]) -> str:
-    """docs/benchmarks/control-mpc.md."""
+def measured(version: str, rows: list[Row]) -> dict[str, str]:
+    """Return the measured parts of the page."""
     said = " | ".join(f"{1e9 * w:g} nm" for w in WINDOWS[:2])
-    lines = [
-        "# The last 2 um, beside a predictive controller",
-        "",
-        "`python -m benchmarks.control_mpc` (after `make peers`). The piezo moves 2 um from rest while the",
-        "contact sticks (linear), 20 kHz, two ticks of delay, 0 to 95 V. *Ours* is the regulator of the",
-        f"[benchmark of controllers](control.md), behind a scan; it sees positions only. *do-mpc* {version}",
-        f"predicts {HORIZON} ticks with the true plant and sees its state without noise: a bound of what is",
-        "possible. Times end when the position stays within the window.",
-        "",
-        f"| controller | plant | {said} | overshoot | an update takes |",
-        "|" + "---|" * 6,
-    ]
+    lines = [f"| controller | plant | {said} | overshoot | an update takes |", "|" + "---|" * 6]
     for one in rows:
         times = " | ".join("-" if t != t else f"{1e3 * t:.1f} ms" for t in one.times[:2])
         over, update = f"{1e9 * one.overshoot:.1f} nm", f"{1e6 * one.seconds:.0f} us"
         lines.append(f"| {one.name} | {one.plant} | {times} | {over} | {update} |")
-    lines += [
-        "",
-        "A scan of 10 ms (default of `Stepping`: 20 ms) has no disadvantage here. A known plant would save",
-        "another 8 to 10 ms, with overshoots of hundreds of nanometres; its updates take 180 ticks or more.",
-    ]
-    return "\n".join([*lines, ""])
+    command = (
+        f"`python -m benchmarks.control_mpc` (after `make peers`), do-mpc {version}, {HORIZON} ticks ahead"
+    )
+    return {"command": command, "times": "\n".join(lines)}
 
 
 if __name__ == "__main__":

@@ -19,7 +19,6 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from datetime import date
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -48,7 +47,7 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "folder-fuz
 
 
 class Found:
-    """What was measured: counts, times [s] of each kind of answer, and whatever was violations."""
+    """What was measured: counts, times [s] of each kind of answer, and the violations."""
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
@@ -208,8 +207,8 @@ def run(count: int, seed: int, tell: Callable[[str], None] = print) -> Found:
     return found
 
 
-def page(found: Found, command: str, seconds: float) -> str:
-    """Return the page of the figures."""
+def measured(found: Found, command: str, seconds: float) -> dict[str, str]:
+    """Return the measured parts of the page."""
     counts = found.counts
     rows = [
         ("folders", counts["folders"]),
@@ -224,36 +223,18 @@ def page(found: Found, command: str, seconds: float) -> str:
         ("violations", len(found.wrong)),
     ]
     own, other = peaks()
-    lines = [
-        "# Folders with random damage",
-        "",
-        f"`{command}`: History, the panel's addresses and the study store read folders with good runs, a "
-        "study's store and damaged entries. Requirements:",
-        "",
-        "- Every good run is listed without a problem. Every damaged entry is listed, with a reason if it "
-        "is not readable.",
-        f"- Every answer is valid JSON, not an error of the server, and takes at most {LIMIT:.0f} s "
-        f"({STORE_LIMIT:.0f} s for a store). After {READING:.0f} s further new files are listed as not read.",
-        "- Damage of any file of a store is reported. A task without status counts as not done.",
-        "",
-        f"Measured: {date.today()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; "
-        f"{seconds:.0f} s. Peak memory: {own:.0f} MB of the asking process, {other:.0f} MB of its largest "
-        f"child. Longest answer: {max(max(times) for times in found.seconds.values()):.2f} s.",
-        "",
-        "| what | count |",
-        "|---|---|",
-        *(f"| {name} | {count:,} |" for name, count in rows),
-        "",
-        "Damaged parts:",
-        "",
-        *(f"- {name}" for name, _ in found.kinds.most_common()),
-        "",
-        "Not covered: damage while a file is read; file systems other than those of Linux; folders without "
-        "permission to read; a study whose manifest was forged with a new checksum.",
-    ]
-    if found.wrong:
-        lines += ["", "Violations:", "", *(f"- {one[:200]}" for one in found.wrong[:20])]
-    return "\n".join(lines) + "\n"
+    longest = max(max(times) for times in found.seconds.values())
+    return {
+        "command": f"`{command} --page`: {seconds:.0f} s at a load of {os.getloadavg()[0]:.1f}. "
+        f"Peak memory: {own:.0f} MB "
+        f"of the asking process, {other:.0f} MB of its largest child. Longest answer: {longest:.2f} s.",
+        "counts": "\n".join(
+            ["| what | count |", "|---|---|", *(f"| {name} | {count:,} |" for name, count in rows)]
+        ),
+        "damage": "\n".join(f"- {name}" for name, _ in found.kinds.most_common()),
+        "violations": "\n".join(f"- {one[:200]}" for one in found.wrong[:20])
+        or "No requirement was violated.",
+    }
 
 
 def main() -> None:
@@ -266,10 +247,10 @@ def main() -> None:
     begun = time.monotonic()
     found = run(given.count, given.seed)
     command = f"python -m benchmarks.folder_fuzz {given.count} --seed {given.seed}"
-    text = page(found, command, time.monotonic() - begun)
-    print(text)
+    parts = measured(found, command, time.monotonic() - begun)
+    print("\n\n".join(parts.values()))
     if given.page:
-        write_page(PAGE, text)
+        write_page(PAGE, parts)
     raise SystemExit(bool(found.wrong))
 
 

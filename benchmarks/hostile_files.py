@@ -20,7 +20,6 @@ import time
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
-from datetime import date
 from pathlib import Path
 from typing import NamedTuple
 
@@ -310,25 +309,13 @@ def wrong(cost: Cost) -> str:
     return ", ".join(said)
 
 
-INTRODUCTION = """\
-`python -m benchmarks.hostile_files`: {files} of {count} hostile files, each opened from Python, by the
-command line and by a panel that serves a folder. Times and memory of Python and commands include the start
-of a process. Times of the panel are those of the request, its memory is that of the larger of server and
-reading process.
-
-Aim: at most {seconds:.0f} s of computing and {most:.0f} MB in any process, and an error of one sentence
-without traceback or server error. Only {read} files that are at the limits, or merely unusual, may be
-accepted. The panel accepts an upload with a possible preview, and lists the reason for any other file.
-"""
-
-
 def _opener(cost: Cost) -> str:
     """Return what opened the file: Python, a command, or the panel."""
     return {"panel,": "panel", "stickslip": "commands"}.get(cost.way.split()[0], cost.way)
 
 
-def page(found: list[Cost], count: int) -> str:
-    """Return the page of the figures."""
+def measured(found: list[Cost], count: int) -> dict[str, str]:
+    """Return the measured parts of the page."""
     ways = list(dict.fromkeys(_opener(one) for one in found))
     files = len({one.name for one in found})
     bad = [(one, wrong(one)) for one in found if wrong(one)]
@@ -340,21 +327,22 @@ def page(found: list[Cost], count: int) -> str:
         rows.append(
             f"| {way} | {len(of)} | {refused} | {wall.wall:.1f} | {cpu.cpu:.1f} | {most.megabytes:.0f} |"
         )
-    lines = [
-        "# Hostile files",
-        "",
-        INTRODUCTION.format(files=files, count=count, seconds=SECONDS, most=MEGABYTES, read=len(LET_IN)),
-        f"Measured: {date.today()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}.",
-        "",
+    head = (
         "| opened by | files opened | error | wall s, most | CPU s, most | MB, most |",
         "|---|---|---|---|---|---|",
-        *rows,
-        "",
-        f"Violations: {len(bad)} of {len(found)}.",
-        "",
-        *(f"- {one.way}, `{one.name}`: {text}" for one, text in bad),
-    ]
-    return "\n".join(lines).rstrip() + "\n"
+    )
+    return {
+        "command": f"`python -m benchmarks.hostile_files --page`: {files} of {count} files, "
+        f"load {os.getloadavg()[0]:.1f}.",
+        "costs": "\n".join([*head, *rows]),
+        "violations": "\n".join(
+            [
+                f"Violations: {len(bad)} of {len(found)}.",
+                "",
+                *(f"- {one.way}, `{one.name}`: {text}" for one, text in bad),
+            ]
+        ),
+    }
 
 
 def main() -> None:
@@ -371,10 +359,10 @@ def main() -> None:
               f"{cost.code:3} {cost.said[:110]!r} {mark}", flush=True)  # fmt: skip
 
     found = opened(tell, given.only, time.time() + 60.0 * given.minutes)
-    text = page(found, len(list(cases())))
-    print(text)
+    parts = measured(found, len(list(cases())))
+    print("\n\n".join(parts.values()))
     if given.page:
-        write_page(PAGE, text)
+        write_page(PAGE, parts)
     raise SystemExit(any(wrong(one) for one in found))
 
 

@@ -211,8 +211,8 @@ def trial(seed: int) -> Trial:
     return Trial(steps, off, wide, bool(axis.events))
 
 
-def page(trials: list[Trial], seed: int) -> str:
-    """Return the page."""
+def measured(trials: list[Trial], seed: int) -> dict[str, str]:
+    """Return the measured parts of the page."""
     off, wide = np.abs([one.off for one in trials]), np.array([one.wide for one in trials])
     walked = trials[0].steps
     rows = [
@@ -223,43 +223,23 @@ def page(trials: list[Trial], seed: int) -> str:
     ]
     held = (off <= 1.0).mean(axis=1)  # intervals of one motor are not independent
     error = 100.0 * float(np.std(held)) / math.sqrt(len(trials))
-    return _PAGE.format(
-        count=len(trials),
-        seed=seed,
-        rows="\n".join(rows),
-        all=100.0 * float((off <= 1.0).mean()),
-        error=error,
-        all_of=100.0 * float((off <= 1.0).all(axis=1).mean()),
-        surprised=sum(one.surprised for one in trials),
-    )
+    count, share = len(trials), 100.0 * float((off <= 1.0).mean())
+    whole = 100.0 * float((off <= 1.0).all(axis=1).mean())
+    surprised = sum(one.surprised for one in trials)
+    return {
+        "command": f"`python -m benchmarks.open_loop {count} --seed {seed}`",
+        "intervals": "\n".join([*_HEAD, *rows]),
+        "held": f"**{share:.1f} % of all intervals contain the truth** (standard error {error:.1f} %); "
+        f"all eight do "
+        f"for {whole:.0f} % of the motors. {surprised} of {count} datums were rejected.",
+    }
 
 
-_PAGE = """# Position without a sensor, of random motors
-
-`python -m benchmarks.open_loop {count} --seed {seed}`: {count} random motors at 100 Hz and 40 to 70 V.
-Stroke, mass, frequency, friction and stiffness differ by 20 % from the thesis's. Load and stroke per volt
-drift (load by up to 6 % of the Coulomb friction, stroke by up to 5 %) with correlation lengths of 100 to
-30,000 steps. Single steps scatter by 2 to 15 %, the threshold by 0.2 to 2 V. Steps differ by direction by
-up to 65 %, and a change of direction loses up to 0.4 um.
-
-Each motor is calibrated by 48 bursts of 50 steps at 3 voltages against a sensor with 10 to 300 nm of
-noise. Then it makes 8 walks of 100 to 1500 steps without the sensor, with one reading (a datum) halfway.
-`DeadReckoning` knows only the bursts and its own counts.
-
-| steps since datum | intervals that contain the truth | half-width over distance, median | 90 % of motors |
-|---|---|---|---|
-{rows}
-
-**{all:.1f} % of all intervals contain the truth** (standard error {error:.1f} %); all eight do for
-{all_of:.0f} % of the motors. {surprised} of {count} datums were rejected.
-
-![Errors of the position against its interval](../figures/open-loop.svg)
-
-The drift determines the width. The model treats drift as a random walk, so intervals are too wide after
-long walks if the drift returns to its mean. The upper end of the drift (a fall of the likelihood by 1/4)
-was chosen here. For 14 other motors 90 % of the intervals contained the truth with the drift at its most
-likely value, and 94 % with a fall by 1/8.
-"""
+_HEAD = (
+    "| steps since datum | intervals that contain the truth | "
+    "half-width over distance, median | 90 % of motors |",
+    "|---|---|---|---|",
+)
 
 
 @drawn
@@ -291,7 +271,7 @@ def main() -> None:
         trials.append(trial(asked.seed + number))
         print(number, trials[-1], flush=True)
         if number % 50 == 49 or number == asked.count - 1:
-            write_page(OUT, page(trials, asked.seed))
+            write_page(OUT, measured(trials, asked.seed))
             FIGURE.write_text(svg(drawing(trials)), encoding="utf-8")
 
 

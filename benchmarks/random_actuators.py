@@ -351,36 +351,25 @@ def _groups(pairs: list[tuple[Member, Found]]) -> list[list[str]]:
     ]
 
 
-def page(chosen: list[Member], seed: int, truth: Truths, found: dict[int, Found]) -> str:
-    """The report, in Markdown."""
+def measured(chosen: list[Member], seed: int, truth: Truths, found: dict[int, Found]) -> dict[str, str]:
+    """Return the measured parts of the page."""
     pairs = [(m, found[m.number]) for m in chosen if m.number in found]
     unsolved = int(np.sum(np.isinf(truth.doubt)))
     left = len(chosen) - len(pairs)
     seconds = np.array([f.seconds for _, f in pairs]) * 1e3
     warned = sum(bool(f.said) for _, f in pairs)
-    of_piezo = any(m.actuator.piezo is not None for m in chosen)
-    what, of = "actuators", "all laws"
-    if of_piezo:
-        what, of = (
-            "piezos",
-            "with hysteresis, creep or both, of all models, behind smooth, jumping and harmonic drives",
-        )
-    return "\n\n".join(
-        (
-            f"# Random {what}",
-            f"`python -m benchmarks.random_{what} {len(chosen)} --seed {seed}`: random plausible actuators, "
-            f"{of}. {PERIODS} periods of the drive are compared at {SAMPLES} times with an oracle that "
-            f"shares no code with the package (`benchmarks/oracle{'_piezo' * of_piezo}.py`). Errors are the "
-            f"largest over the times, in tolerances of {TOLERANCE * 1e9:g} nm.",
-            f"{len(pairs)} of {len(chosen)} members are compared. For {left - unsolved} others the two "
-            f"solutions of the oracle differ by more than {WELL_KNOWN * 1e9:g} nm; {unsolved} it could not "
-            "solve twice.",
-            table(["", *HEAD], [row for row in _groups(pairs) if row[0] in SHOWN]),
-            f"{warned} of {len(pairs)} warned or did not complete. {_agreement([f for _, f in pairs])}",
-            f"`ss.simulate` took {np.median(seconds):.3g} ms (median) and at most {np.max(seconds):.4g} ms. "
-            f"Errors by law or model, and the ten largest: [random-{what}.json](random-{what}.json).",
-        )
-    )
+    what = "piezos" if any(m.actuator.piezo is not None for m in chosen) else "actuators"
+    return {
+        "command": f"`python -m benchmarks.random_{what} {len(chosen)} --seed {seed}`: "
+        f"{len(pairs)} of {len(chosen)} "
+        f"members are compared. For {left - unsolved} others the two solutions of the oracle "
+        "differ by more than "
+        f"{WELL_KNOWN * 1e9:g} nm; {unsolved} it could not solve twice.",
+        "errors": table(["", *HEAD], [row for row in _groups(pairs) if row[0] in SHOWN]),
+        "estimates": f"{warned} of {len(pairs)} warned or did not complete. "
+        f"{_agreement([f for _, f in pairs])} "
+        f"`ss.simulate` took {np.median(seconds):.3g} ms (median) and at most {np.max(seconds):.4g} ms.",
+    }
 
 
 def study(
@@ -404,8 +393,7 @@ def main(draw: Callable[[int, int], Member] = member, file: Path = PAGE) -> None
     parser.add_argument("--out", type=Path, default=file)
     asked = parser.parse_args()
     chosen, known, found = study(asked.count, asked.seed, draw)
-    text = page(chosen, asked.seed, known, found)
-    write_page(asked.out, text)
+    text = write_page(asked.out, measured(chosen, asked.seed, known, found), file)
     pairs = [(m, found[m.number]) for m in chosen if m.number in found]
     groups = [dict(zip(("group", *HEAD), row, strict=True)) for row in _groups(pairs)]
     numbers = {"groups": groups, "largest_errors": worst(pairs, known)}

@@ -249,8 +249,8 @@ def within(value: float, ends: tuple[float, float]) -> str:
     return f"{said} ({ends[0]:g} to {ends[1]:g})"
 
 
-def page(twin: dict[int, Scripted], made: list[Moved], seed: int) -> str:
-    """Return the page."""
+def measured(twin: dict[int, Scripted], made: list[Moved], seed: int) -> dict[str, str]:
+    """Return the measured parts of the page."""
     rows = [
         f"| {window} | "
         + " | ".join(within(*one) for one in zip(of.told(window), SESSIONS[window], strict=True))
@@ -263,64 +263,33 @@ def page(twin: dict[int, Scripted], made: list[Moved], seed: int) -> str:
     times = np.percentile([one.time for one in there], [50, 95, 100])
     error = np.percentile([1e9 * one.off for one in there], [50, 95, 100])
     failed = [f"- {one.why}" for one in made if not one.arrived]
-    return _PAGE.format(
-        count=len(made),
-        seed=seed,
-        moves=next(iter(twin.values())).errors.size,
-        rows="\n".join(rows),
-        said=len(there),
-        true=true,
-        least=100.0 * least,
-        times="{:.2f} s, 95 % within {:.2f} s, the longest {:.2f} s".format(*times),
-        error="{:.0f} nm, 95 % within {:.0f} nm, the largest {:.0f} nm".format(*error),
-        failed="\n".join(failed),
-    )
+    count, times = len(made), "{:.2f} s, 95 % within {:.2f} s, the longest {:.2f} s".format(*times)
+    error = "{:.0f} nm, 95 % within {:.0f} nm, the largest {:.0f} nm".format(*error)
+    moved = [
+        f'- {len(there)} of {count} moves reported "arrived"; **{true} of them truly** '
+        f"(at least {100.0 * least:.1f} % with "
+        "95 % confidence).",
+        f"- Time until the report: median {times}.",
+        f"- Largest true distance from the target in the hold: median {error}.",
+        *failed,
+    ]
+    return {
+        "command": f"`python -m benchmarks.real_moves {count} --seed {seed}`: {count} moves, and "
+        f"{next(iter(twin.values())).errors.size} by the laboratory's rule for each range.",
+        "twin": "\n".join([*_HEAD, *rows]),
+        "moves": "\n".join(moved),
+    }
+
+
+_HEAD = (
+    "| range, nm | median error, nm | 95 % of errors, nm | ended outside, % | median time, s |",
+    "|---|---|---|---|---|",
+)
 
 
 def proportion(hits: int, count: int) -> float:
     """Return the lower end of the 95 % interval (Clopper and Pearson, one-sided) of a share."""
     return float(scipy.stats.beta.ppf(0.05, hits, count - hits + 1)) if hits else 0.0
-
-
-_PAGE = """# Moves on a twin with irregular steps
-
-`python -m benchmarks.real_moves {count} --seed {seed}`. An axis of 88 nm a step (50 V, 500 Hz, readings
-with 15 nm of noise) represents the attocube axis whose 4,654 moves of 10 um a laboratory published
-([NVScanning/AttocubePCscripts](https://github.com/NVScanning/AttocubePCscripts),
-`Scanning_AMC/Data/scan_timings.txt`; noise 13 to 23 nm).
-
-## Errors and times of the twin
-
-{moves} moves for each target range, by the laboratory's rule: step towards the target, read every 10 ms,
-stop when the reading is in the range, read once more. Irregularities are the defaults of
-`rig.Irregularity`, not fitted. In brackets: the range over the sessions of the real axis (28 to 100 moves
-each).
-
-| range, nm | median error, nm | 95 % of errors, nm | ended outside, % | median time, s |
-|---|---|---|---|---|
-{rows}
-
-The twin's errors and share outside lie within the ranges of the real sessions. Its times are 0.1 s shorter
-than those of the fastest sessions, because its steps are longer. At 500 Hz a move of 10 um takes 0.23 s with
-steps of 88 nm, and 0.30 s with 67 nm, the smallest possible step of the real axis. With a gain for 69 nm
-a step the median is 0.29 s (range 90 nm, 16 moves). Unlike the twin, the times of real sessions form groups
-0.3 s apart, and one real move took 135 s.
-
-![Errors after the stop on the twin, and of the published sessions](../figures/real-moves.svg)
-
-## Is "arrived" true?
-
-{count} moves by 10 um, tolerance 100 nm, on the virtual rig with the same axis. Steps scatter by 2 to 15 %
-and differ by direction by up to 65 %; the threshold scatters by 0.2 to 2 V, and the stage relaxes by up to
-0.35 um within 10 ms to 1 s. The loop's model is wrong by 3 % in each number and contains no irregularity.
-"Arrived" is true if the true position stays within 100 nm for 0.1 s.
-
-- {said} of {count} moves reported "arrived"; **{true} of them truly** (at least {least:.1f} % with 95 %
-  confidence).
-- Time until the report: median {times}.
-- Largest true distance from the target in the hold: median {error}.
-{failed}
-"""
 
 
 @drawn
@@ -351,7 +320,7 @@ def main() -> None:
         w: scripted(Irregularity(), 1e-9 * w, max(asked.count // 2, 20), asked.seed + w) for w in SESSIONS
     }
     FIGURE.write_text(svg(drawing(twin)), encoding="utf-8")
-    write_page(OUT, page(twin, moves(asked.count, asked.seed), asked.seed))
+    write_page(OUT, measured(twin, moves(asked.count, asked.seed), asked.seed))
 
 
 if __name__ == "__main__":

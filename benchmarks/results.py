@@ -8,6 +8,7 @@ import platform
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -50,10 +51,35 @@ def provenance(day: str, where: str, at: str, *more: str) -> str:
     return f"<sub>{', '.join(parts)}.</sub>"
 
 
-def write_page(file: Path, text: str) -> None:
-    """Write a page of results; its last line states date, machine and commit, in place of an earlier one."""
-    body = re.sub(r"\n<sub>[^\n]*</sub>\s*\Z", "", text)
-    file.write_text(f"{body.rstrip()}\n\n{made()}\n", encoding="utf-8")
+_PART = re.compile(r"^<!-- (?!end )(\w+) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
+
+
+def filled(page: str, parts: Mapping[str, str], file: Path) -> str:
+    """Return a page with its measured parts replaced, see `write_page`; `file` is named in an error."""
+    there = {name for name, _ in _PART.findall(page)}
+    if there != set(parts):
+        raise ValueError(f"{file}: the page has the parts {sorted(there)}, measured are {sorted(parts)}")
+    return _PART.sub(lambda m: f"<!-- {m[1]} -->\n\n{parts[m[1]].strip()}\n\n<!-- end -->", page)
+
+
+def write_page(file: Path, parts: Mapping[str, str], source: Path | None = None) -> str:
+    """Put the measured parts of a page in the place of the former ones; return the page.
+
+    The words of a page stand only in the page. A measured part stands there between the lines
+    ``<!-- NAME -->`` and ``<!-- end -->``. The last line states date, machine and commit.
+
+    Args:
+        file: file to write.
+        parts: Markdown of each measured part, by name.
+        source: page with the words; by default `file` itself.
+
+    Raises:
+        ValueError: the page has other parts.
+    """
+    text = filled((source or file).read_text(encoding="utf-8"), parts, file)
+    text = re.sub(r"\n<sub>[^\n]*</sub>\s*\Z", "", text).rstrip() + f"\n\n{made()}\n"
+    file.write_text(text, encoding="utf-8")
+    return text
 
 
 def load(file: Path) -> dict[str, Any]:
@@ -82,4 +108,4 @@ def _rounded(row: Row) -> Row:
 
 if __name__ == "__main__":  # pages whose figures were all made again: python -m benchmarks.results PAGE ...
     for page in map(Path, sys.argv[1:]):
-        write_page(page, page.read_text(encoding="utf-8"))
+        write_page(page, {})
