@@ -1,4 +1,5 @@
-"""Common parts of all commands: the application, errors in one line, progress, reports."""
+"""Common parts of all commands: the application and its options --version and --use, errors in one line,
+permission to arm a rig, progress, reports."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def inspect(
 
 def _drawn(found: Inspection) -> str:
     """Return the SVG text of the picture of an inspected file: its recording over time, or its frequency
-    response."""
+    response. One of both must have been read."""
     from ..report.figures.style import svg
 
     if found.response is not None:

@@ -1,4 +1,5 @@
-"""Commands of the laboratory: record, rigs, twin, schema, calibrate."""
+"""Commands of the laboratory: record, rigs, twin, schema, calibrate; and the server of simulated instruments,
+until Ctrl-C."""
 
 from __future__ import annotations
 

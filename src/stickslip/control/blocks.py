@@ -7,7 +7,8 @@ to v_k, the output voltage is u_k [astrom2006]:
           d_k = a\,d_{k-1} + (1 - a)\,\frac{v_k - v_{k-1}}{T}, \quad a = e^{-2\pi f_d T}, \qquad
           u_k = K_p v_k + i_k + K_d d_k + K_f r_k
 
-The derivative d_k passes a low-pass of first order with the corner frequency f_d. Notch and low-pass are of
+K_p, K_i and K_d are the gains of the PID, K_f the feedforward of the target, and i_k the integral. The
+derivative d_k passes a low-pass of first order with the corner frequency f_d. Notch and low-pass are of
 second order. The bilinear transform makes them discrete, and is scaled so that their frequency does not
 change.
 """
@@ -140,7 +141,8 @@ class Biquad:
         self._s1 = self._s2 = 0.0
 
     def step(self, value: float) -> float:
-        """Return the output of the filter for the next input value, in the unit of the input."""
+        """Return the output of the filter for the next input value, in the unit of the input, and advance its
+        state."""
         b0, b1, b2, a1, a2 = self.coefficients
         out = b0 * value + self._s1
         self._s1 = b1 * value - a1 * out + self._s2
@@ -219,8 +221,8 @@ class Regulator:
             self._integral -= self.inverse.volts
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured and a wanted position [m]; the number of the tick is not
-        used."""
+        """Return the voltage [V] for a measured and a wanted position [m], and advance the state by one
+        update: call this once per update. The number of the tick is not used."""
         del tick
         value = target - measured
         for section in self.sections:

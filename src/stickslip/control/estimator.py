@@ -6,11 +6,12 @@ lengthens forward steps shortens backward ones:
 .. math:: x_{k+1} = x_k + s_+ + c\,\ell + w \ \text{(forward)}, \qquad
           x_{k+1} = x_k - s_- + c\,\ell + w \ \text{(backward)}
 
-Between steps, both step sizes and the load drift, each as a random walk, and both sizes also together
-(`common_drift`, from the temperature). w is the scatter of single steps. N steps at once equal N single ones,
-in closed form. A change of direction loses a displacement b with a known error. A measured position corrects
-all states [barshalom2001]. Without measurements the interval of the position grows: by scatter with the
-square root of the number of steps, by unknown step size and load in proportion to that number.
+x is the position, s_+ and s_- are the step sizes, and ℓ is the load. Between steps, both step sizes and the
+load drift, each as a random walk, and both sizes also together (`common_drift`, from the temperature). w is
+the scatter of single steps. N steps at once equal N single ones, in closed form. A change of direction loses
+a displacement b with a known error. A measured position corrects all states [barshalom2001]. Without
+measurements the interval of the position grows: by scatter with the square root of the number of steps, by
+unknown step size and load in proportion to that number.
 
 For another amplitude the model's steps are multiplied by a `scale`. c is the change of the step with the load
 (`of_model`).
@@ -97,7 +98,7 @@ class StepModel(NamedTuple):
             unknown: values of the other fields (errors, drifts, scatter), by name.
 
         Raises:
-            NotPeriodicError: the model's motion is not periodic.
+            NotPeriodicError, SimulationError: the model's motion is not periodic, or cannot be simulated.
             QuantityError: a number is out of range, or the step is not linear in a small force.
         """
         volts, hertz = to_si(amplitude, "V", "amplitude"), to_si(frequency, "Hz", "frequency")

@@ -1,8 +1,8 @@
 """Inverse of a piezo's hysteresis and creep: the voltage for a wanted position, tick by tick.
 
-The inverse of `piezo.PrandtlIshlinskii` and `piezo.Creep` is exact (`identify.inverse_drive` computes it for
-a complete motion known beforehand). The loop must only correct the error of the model and the lag of the
-stage.
+The inverse of `physics.piezo.PrandtlIshlinskii` and `physics.piezo.Creep` is exact (`identify.inverse_drive`
+computes it for a complete motion known beforehand). The loop must only correct the error of the model and the
+lag of the stage.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ class PiezoInverse:
 
     def step(self, position: float) -> float:
         """Return the voltage [V] at which the free piezo reaches a position [m, relative to rest at 0 V] one
-        tick later; raise QuantityError if no voltage does."""
+        tick later; raise QuantityError if no voltage does. Call this once per tick: each call advances
+        hysteresis and creep."""
         self._wanted[0], self._wanted[1] = self._wanted[1], position / self.gain
         level = self._wanted[1:]
         if self._shares.size:

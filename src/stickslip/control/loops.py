@@ -7,7 +7,8 @@ the loop at
 .. math:: \omega = \omega_p \pm \sigma_p \sinh(k h), \qquad \sigma_p = -\ln|p| / T, \quad
     \omega_p = |\arg p| / T
 
-which passes a resonance in steps of h, however narrow it is [astrom2006].
+with the tick T and whole numbers k. So a resonance is passed in steps of h, however narrow it is
+[astrom2006].
 
 The response is exact for voltages that are held for a tick, including aliasing. A mode near or above the
 Nyquist frequency that vibrates for longer than a tick appears at another frequency, which changes by as much

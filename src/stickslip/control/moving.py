@@ -245,7 +245,8 @@ class Mover:
 
     def step(self, measured: float, target: float, tick: int) -> float:
         """Return the voltage [V] for a measured and a wanted position [m, or rad] at a tick, counted from the
-        start of the run; raise MoveError if the move is given up."""
+        start of the run; raise MoveError if the move is given up. Warn (ControlWarning) once if the noise of
+        the sensor prevents the arrival."""
         c, regulator = self._c, self.regulator
         regulates = self._before(c, measured, target, tick)
         if c.begins:

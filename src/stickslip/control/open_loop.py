@@ -112,7 +112,9 @@ class DeadReckoning:
             frequency: steps per second, Hz; by default the calibrated frequency.
 
         Raises:
+            QuantityError: the count, voltage or frequency is out of the positioner's range.
             InterlockError: the positioner is not simulated, and the program not armed.
+            RigError: the positioner does not answer, or still moves 10 s after twice the expected time.
         """
         volts = self.voltage if voltage is None else to_si(voltage, "V", "voltage")
         hertz = self.law.frequency if frequency is None else to_si(frequency, "Hz", "frequency")
@@ -178,7 +180,7 @@ class DeadReckoning:
 
     def held(self, voltage: float | str) -> None:
         """Hold the piezo at a voltage [V]. The step law does not include this displacement, so the interval
-        is widened, and `doubt` gives the reason. Raises InterlockError as `step`."""
+        is widened, and `doubt` gives the reason. Raises the errors of `step`."""
         volts = to_si(voltage, "V", "voltage")
         need_armed(self.positioner)
         self.positioner.scan(self.axis, volts)

@@ -45,7 +45,8 @@ class NoiseShaped:
 
     def step(self, measured: float, target: float, tick: int) -> float:
         """Return the voltage [V], a whole number of converter steps, for a measured and a wanted position [m,
-        or rad] at a tick. A voltage that is NaN or infinite is returned unchanged."""
+        or rad] at a tick, and keep its rounding error for the next tick. A voltage that is NaN or infinite is
+        returned unchanged."""
         wanted = self.controller.step(measured, target, tick)
         steps = (wanted + self._left) / self._q
         # A voltage that is NaN, or too large to be rounded, is returned; the caller refuses it.

@@ -96,8 +96,9 @@ class Relay:
         self.done = False
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured position [m]; `target` and `tick` are not used. Raise
-        QuantityError if the voltage would leave the middle by more than `reach`."""
+        """Return the voltage [V] for a measured position [m]; `target` and `tick` are not used. At the end of
+        the last oscillation, `done` becomes True. Raise QuantityError if the voltage would leave the middle
+        by more than `reach`."""
         del target, tick
         self._count += 1
         if self._count <= self._ramp + self._rest:

@@ -8,9 +8,9 @@ the regulator. With the loop's response L, the largest sensitivity measures the 
 .. math:: M_S = \max_\omega \left|\frac{1}{1 + L(i\omega)}\right|, \qquad
           g_m \ge \frac{M_S}{M_S - 1}, \qquad \varphi_m \ge 2 \arcsin\frac{1}{2 M_S}
 
-Stability of the closed loop follows from the poles of its discrete system, or with a long delay from the
-Nyquist criterion (`loops`), not from its margins. These models do not contain sliding friction, hysteresis
-and creep.
+g_m is the gain margin and φ_m the phase margin. Stability of the closed loop follows from the poles of its
+discrete system, or with a long delay from the Nyquist criterion (`loops`), not from its margins. These models
+do not contain sliding friction, hysteresis and creep.
 """
 
 from __future__ import annotations

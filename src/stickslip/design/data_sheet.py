@@ -1,4 +1,5 @@
-"""Numbers of an actuator's data sheet, and checks for contradictions among them.
+"""Numbers of an actuator's data sheet, checks for contradictions among them, and the reader of data-sheet
+files.
 
 Each number may deviate by the sheet's `tolerance`. A relation between n numbers may then deviate by (1 +
 tolerance)^n; beyond that the sheet contradicts itself.

@@ -1,4 +1,4 @@
-"""Result of an optimised drive signal."""
+"""Result of an optimised drive signal, and simulation of the motion within a period under some drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Limits of stepping: the least voltage, the force that stops the actuator, and the highest frequency.
+"""Limits of stepping: the least voltage, the force that stops the actuator, and the highest frequency; and
+the speed over the load.
 
 Each limit is searched on points over the whole range at once, and then between two of them on ever closer
 points. The step need not be monotonic, so each function says which crossing it returns, and warns if there

@@ -1,4 +1,5 @@
-"""Look-up tables of the step for a controller: voltage to step with its 95 % band, as CSV and as C."""
+"""Look-up tables of the step for a controller: voltage to step with its 95 % band, and step to voltage;
+storage as CSV and as C."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 r"""Goals for the vibration of the stage: the load on the tip of the piezo, and the sound.
 
 The second derivative of a polygon u(t) with period T consists of its corners at t_k, where its slope changes
-by :math:`\Delta s_k`. So the harmonics of the stage's acceleration are, with the gain C and the response G of
-the stage without friction,
+by :math:`\Delta s_k`. So the harmonics of the stage's acceleration a are, with the gain C and the response G
+of the stage without friction (natural frequency ω_0, damping ratio ζ),
 
 .. math:: \hat a_n = C\,G(i\omega_n)\,\frac1T \sum_k \Delta s_k\, e^{-i\omega_n t_k}, \qquad
           G(i\omega) = \frac{\omega_0^2}{\omega_0^2 - \omega^2 + 2 i \zeta \omega_0 \omega}, \qquad

@@ -1,4 +1,5 @@
-"""Public function for the best drive signal within limits, under all given conditions."""
+"""Public function for the best drive signal within limits, under all given conditions; and checks of the
+arguments of searches."""
 
 from __future__ import annotations
 

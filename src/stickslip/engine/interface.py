@@ -102,7 +102,9 @@ class Interface(NamedTuple):
 
     def _role_c(self, made: Translation, kind: Record, role: str, function: Any) -> str:
         """Return the source of the C function of a role. It builds the record's C struct from the row of
-        parameters p, and calls the translated Python function `function`, which is added to `made`."""
+        parameters p, and calls the translated Python function `function`, which is added to `made`. Raises
+        TranslationError if the function cannot be translated, or returns other results than its role
+        needs."""
         name, struct, fill = (
             kind.record_class.__name__,
             made.record(kind),

@@ -1,4 +1,4 @@
-"""Goodness of fit of one recording."""
+"""Goodness of fit of one recording, and of several together."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def of_priors(fit: Fit) -> Array:
 
 def tangent(fit: Fit) -> Array:
     """Return the derivatives of all weighted residuals, then of the deviations from priors, by the searched
-    coordinates q, shape (n + priors, k)."""
+    coordinates q, shape (n + priors, k). The fit must have its Jacobian."""
     assert fit.jacobian is not None
     of_data = fit.jacobian / noise_of_data(fit)[:, None]
     return np.concatenate([of_data, of_priors(fit)[:, : of_data.shape[1]]])

@@ -226,7 +226,10 @@ class Problem:
 
     def residuals(self, q: np.ndarray) -> np.ndarray:
         """Return the weighted residuals at the coordinates q [k], divided by `scale`, those of the priors
-        last, shape (n + priors,); NaN where the model fails, so that the optimiser shortens its step."""
+        last, shape (n + priors,); NaN where the model fails, so that the optimiser shortens its step.
+
+        Also count the evaluation, keep the point with the lowest sum of squares in `best`, and call `after`.
+        """
         key = q.tobytes()
         if key == self.last[0]:
             return self.last[1]

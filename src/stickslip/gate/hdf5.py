@@ -243,7 +243,8 @@ class Hdf5Tree:
         check_count(self.path, self._attribute_bytes, LIMITS.attribute_bytes, "bytes of attributes")
 
     def _fill(self, group: Hdf5Group, depth: int) -> None:
-        """Check the members of a group, at a nesting depth, and those of its groups; add them to the tree."""
+        """Check the members of a group, at a nesting depth, and those of its groups; add them to the tree.
+        GateError for a link into another place or file, or more members than `LIMITS` allows."""
         identifier = group.identifier
         refuse_packed_names(self.path, group.name, identifier)
         check_count(self.path, identifier.get_num_objs(), LIMITS.visits, f"members in {group.name!r}")

@@ -156,6 +156,7 @@ class Index:
 
         Raises:
             ValueError: the name is no run of the folder.
+            OSError: the run cannot be moved.
         """
         source = self.folder / real_name(name)
         inside = source.parent.resolve().is_relative_to(self.folder) and source != self.folder

@@ -136,7 +136,8 @@ def _made(record_type: Any, fields: Any, where: str, turns: bool = False, **give
 
 def _entries(fields: Any, where: str) -> dict[str, SetEntry]:
     """Return the fields of a JSON dictionary (values with units, or plain values) as entries of a parameter
-    set, which `build` converts to SI; `where` names the place in messages."""
+    set, which `build` converts to SI; `where` names the place in messages. Raises QuantityError if `fields`
+    is no dictionary."""
     if not isinstance(fields, Mapping):
         raise QuantityError(f"{where} = {fields!r:.60} must hold fields with their values and units")
     return {

@@ -2,8 +2,10 @@ r"""Steady friction from points of velocity and force, as a tribometer or a serv
 
 .. math:: F = \mathrm{sgn}(v)\,\Big[F_C + (F_S - F_C)\, e^{-|v/v_s|^\delta}\Big] + \sigma_2 v + F_0
 
-F_0 is the offset of the force sensor, if it is fitted [olsson1998; armstrong1994]. A point is one steady
-velocity and the mean friction force at it, not a sample of a transient.
+F is the friction force at the velocity v, with the Coulomb force F_C, the stiction F_S, the Stribeck velocity
+v_s, its exponent δ and the viscous friction σ_2. F_0 is the offset of the force sensor, if it is fitted
+[olsson1998; armstrong1994]. A point is one steady velocity and the mean friction force at it, not a sample of
+a transient.
 """
 
 from __future__ import annotations

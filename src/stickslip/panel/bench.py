@@ -1,4 +1,5 @@
-"""Routes of the Bench page: experiment, start, stop and home of runs, zoom into live curves, files."""
+"""Routes of the Bench page: experiment, choice of the rig, start, stop and home of runs, notes, zoom into
+live curves, files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Routes of the History page: list, search, annotate, compare and delete the runs of the folder."""
+"""Routes of the History page: list, search, annotate and compare the runs of the folder, move them to the bin
+and back, and show its log."""
 
 from __future__ import annotations
 

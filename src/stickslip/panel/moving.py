@@ -315,7 +315,8 @@ class Moves:
         return self._tables[key]
 
     def _position(self, made: Prepared, name: str) -> Channel:
-        """Return the position sensor `name` ("" for the first), calibrated if the experiment says how."""
+        """Return the position sensor `name` ("" for the first), calibrated if the experiment says how. Raises
+        QuantityError for another name."""
         own, sensors = made.cell.channels.get(POSITION), made.sensors
         name = name or (sensors or [own.input if own else ""])[0]
         if own is not None and own.input == name:

@@ -196,7 +196,8 @@ class Runner:
     def reach(self, folder: Path | None = None) -> Link:
         """Return a connection to the rig's process in `folder` (None: virtual rig); runs do not use it.
 
-        The process is started if needed.
+        The process is started if needed. The connection is kept for later calls; one to another folder, or
+        one that does not answer, is closed.
         """
         folder = folder or self._rigs
         with self._linking:

@@ -1,4 +1,5 @@
-"""Start of jobs: an experiment, with a folder for its recordings, and the walk home."""
+"""Start of jobs: an experiment, with a folder for its recordings, and the walk home. Also counts virtual
+runs, and adds notes of users to recordings."""
 
 from __future__ import annotations
 

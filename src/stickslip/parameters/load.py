@@ -306,10 +306,9 @@ def _entry(where: str, table: Any) -> SetEntry:
 
 
 def _with_unit(value: Any, unit: str, si_unit: str) -> Any:
-    """Return a value as the text "VALUE UNIT" for `to_si`, or the bare number if its unit is `si_unit`.
-
-    A bare number needs no import of the package pint, which is slow. A list gives a list, a bool itself.
-    """
+    """Return a value as the text "VALUE UNIT" for `to_si`, or the bare number if its unit is `si_unit`, which
+    needs no slow import of the package pint. A list gives a list, a bool itself. Raises QuantityError if a
+    number has no unit but needs one."""
     if isinstance(value, list):
         return [_with_unit(number, unit, si_unit) for number in value]
     if isinstance(value, bool) or unit == si_unit:

@@ -1,6 +1,7 @@
 r"""The systems that are simulated, as records: a stick-slip actuator, and a slider pulled through a spring.
 
-Stage (its spring is the piezo) and end-effector on it, y and x_e along +x [kang2007, eq. 3.16-3.25]:
+Stage at y (its spring is the piezo) and end-effector on it at x_e, both along +x; the other symbols are those
+of the fields of `Actuator` [kang2007, eq. 3.16-3.25]:
 
 .. math::
     \ddot y + 2\zeta\omega_n\dot y + \omega_n^2 y = C\omega_n^2 u(t) - F_f/m, \qquad
@@ -195,8 +196,7 @@ class Actuator(NamedTuple):
 
     @property
     def static(self) -> bool:
-        """Return True for an infinite natural frequency: the stage follows the voltage at once, by its
-        `gain`."""
+        """Return True for an infinite natural frequency: the stage follows the voltage at once."""
         omega = self.natural_frequency
         return math.isinf(omega) if isinstance(omega, float) else bool(np.all(np.isinf(omega)))
 

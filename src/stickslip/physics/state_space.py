@@ -1,6 +1,8 @@
 r"""Linear system from voltages to positions with a delay, for control and frequency responses.
 
 .. math:: \dot x = A x + B\,u(t - \tau), \qquad y = C x + D\,u(t - \tau)
+
+with the state x, the voltages u, the positions y and the delay τ.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Safe replacement of files (as a whole or not at all), reading of small JSON files, and a bin for deleted
-files."""
+"""Safe replacement of files (as a whole or not at all), removal of leftovers of dead processes, reading of
+small JSON files, and a bin for deleted files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Tables and numbers of fits for a report: values found, and goodness of fit."""
+"""Tables, pictures, statements and numbers of fits for a report: values found, goodness of fit, reasons for
+doubt, advice on missing terms, and faults of instruments."""
 
 from __future__ import annotations
 

@@ -6,8 +6,8 @@ source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` gives the sensor's
 that samples it.
 
 With ``base = "kang2007-bench"`` a file contains only the differences: its tables replace those of the base.
-``amplifier = "pd200x4"`` and ``stack = "ae0505d16"`` (for its capacitance) use parts of `electronics.parts`,
-by name or by a file beside the bench's.
+``amplifier = "pd200x4"`` and ``stack = "ae0505d16"`` (for its capacitance) use parts of
+`physics.electronics.parts`, by name or by a file beside the bench's.
 """
 
 from __future__ import annotations
@@ -231,7 +231,8 @@ class _Reading:
         return bench
 
     def _amplifier(self) -> Amplifier:
-        """Return the amplifier of the table ``[amplifier]``, or the part that ``amplifier = NAME`` names."""
+        """Return the amplifier of the table ``[amplifier]``, or the part that ``amplifier = NAME`` names;
+        NAME is removed from `content`."""
         if not isinstance(self.content.get("amplifier"), str):
             return self._part(Amplifier, "amplifier", self._table("amplifier"))
         name = _beside(self.file, self.content.pop("amplifier"))
@@ -240,7 +241,8 @@ class _Reading:
         return amplifier
 
     def _capacitance(self) -> float:
-        """Return the piezo's capacitance, F, of ``[piezo_capacitance]`` or of the part ``stack = NAME``."""
+        """Return the piezo's capacitance, F, of ``[piezo_capacitance]`` or of the part ``stack = NAME``, and
+        remove this entry from `content`. ParameterSetError if both are given, or NAME is no text."""
         named = self.content.pop("stack", None)
         if named is None:
             key = "piezo_capacitance"

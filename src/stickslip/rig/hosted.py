@@ -122,7 +122,7 @@ class Link:
             raise RigError(f"the rig's process has ended ({error})") from None
 
     def _await(self, within: float, late: float) -> None:
-        """Wait for an answer, see `ask`. If none comes `within` s, close the connection, raise RigError."""
+        """Wait for an answer. Warn (RigWarning) after `late` s; close and raise RigError after `within` s."""
         if select.select([self._link], [], [], min(within, late))[0]:
             return
         if within > late:

@@ -9,8 +9,10 @@ q: a play (backlash) of half width w, the deflection at which the contact yields
 
 Slip number n is :math:`f\,(1 + \sigma e_n)` times as long, with :math:`f = \sqrt{1 + d}` forward and
 :math:`1/\sqrt{1 + d}` backward. Before that it loses the length :math:`\xi_n = C\,\sigma_V e'_n`, because the
-threshold is :math:`\sigma_V e'_n` higher; a lower threshold adds to the length. A slip never reverses. During
-a slip the seat of the slider yields by r, and after a stop it returns with a time constant,
+threshold is :math:`\sigma_V e'_n` higher; a lower threshold adds to the length. σ is the scatter of single
+slips, 1 + d the ratio of steps forward to backward, σ_V the scatter of the threshold voltage and C the stroke
+per volt; e_n and e'_n are standard normal numbers. A slip never reverses. During a slip the seat of the
+slider yields by r, at most R, and after a stop it returns with the time constant τ,
 
 .. math:: \dot r = (R\,\mathrm{sign}\,\dot s - r)\,\frac{|\dot s|}{10 R} - \frac{r}{\tau}.
 

@@ -123,7 +123,8 @@ def wait(positioner: Positioner, axis: int, longest: float | str = 60.0) -> None
         longest: longest wait, s; after that time all motions are stopped.
 
     Raises:
-        RigError: the axis still moved after `longest` s.
+        RigError: the axis still moved after `longest` s, or the controller does not answer.
+        QuantityError: `longest` has a wrong unit, or there is no such axis.
     """
     longest = to_si(longest, "s", "longest")
     end = time.monotonic() + longest

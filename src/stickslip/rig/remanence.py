@@ -1,7 +1,7 @@
 """State of a virtual rig's piezo that is kept from run to run: its hysteresis (play operators) and creep.
 
-The drive of a run is passed through the models of the piezo as in `plant.at_piezo`, but from any initial
-state, such as the state at the end of the previous run.
+The drive of a run is passed through the models of the piezo as in `simulation.plant.at_piezo`, but from any
+initial state, such as the state at the end of the previous run.
 """
 
 from __future__ import annotations

@@ -110,7 +110,8 @@ class ScpiInstrument:
             raise RigError(f"{self.name}: {command}: {first[:200]}")
 
     def number(self, query: str) -> float:
-        """Return the number that answers a query. RigError if the answer is no number, or as for `ask`."""
+        """Return the number that answers a query. RigError if the answer is no number, after which all
+        queries are refused, or as for `ask`."""
         said = self.ask(query)
         try:
             return float(said)

@@ -1,4 +1,5 @@
-"""Drives as tables for generators that output a table once, and the stop of such a generator.
+"""Drives as tables for generators that output a table once, checks before and after a run, and the stop of
+such a generator.
 
 A generator that loses its program continues to the end of its table. The table therefore ends with a ramp to
 0 V. A stop during a run reduces the amplitude of the output in steps.

@@ -7,8 +7,10 @@ that the mean factor is 1)
 .. math:: \ln f_k = \sigma_f\,e_k + \sigma_d\,d_k, \qquad d_k = \rho\,d_{k-1} + \sqrt{1-\rho^2}\,e'_k,
       \qquad \rho = e^{-1/n}, \qquad \ln s_k = \sigma_s\,e''_k
 
-with independent standard normal e, e', e''. Runs are numbered, so that each of them can be drawn alone and
-reproduced bit for bit. A rig that is opened again continues with the next number.
+with independent standard normal e, e', e''. σ_f and σ_s are the scatter of friction and stiffness from run to
+run; σ_d is the size of a slow change of the friction, which is forgotten after about n runs. Runs are
+numbered, so that each of them can be drawn alone and reproduced bit for bit. A rig that is opened again
+continues with the next number.
 """
 
 from __future__ import annotations

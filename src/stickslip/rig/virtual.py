@@ -305,7 +305,8 @@ class VirtualRig:
             raise RigError(f"{what}: a run is going on; stop it first")
 
     def _computed(self) -> Array:
-        """Simulate the run; return the samples of the chosen inputs [inputs, samples], in their units."""
+        """Simulate the run; return the samples of the chosen inputs [inputs, samples], in their units.
+        RigError if the simulation fails."""
         bench, rate = self.bench, OVERSAMPLING * self.bench.sample_rate
         updates = math.ceil(self._samples * bench.dac.update_rate / bench.sample_rate) + 1
         codes = dac_output(bench.dac, _held(self._numbers, updates))

@@ -7,9 +7,9 @@ the voltage :math:`\Delta u_k` over the share :math:`\Delta\varphi_k` of the per
           i_{rms} = C f \sqrt{\sum_k \frac{\Delta u_k^2}{\Delta\varphi_k}}, \qquad
           E = \frac C2 \sum_{k:\,\Delta(u^2) > 0} \Delta(u^2)_k + Q, \qquad P = f Q
 
-where Q is the hysteresis loss of the closed cycles of a period (see `electronics.Stack`). E is the energy
-that the amplifier delivers in a period. Most of it returns and becomes heat in the amplifier, unless that
-recovers it.
+where i is the current, C the capacitance, P the heat in the stack, and Q the hysteresis loss of the closed
+cycles of a period (see `physics.electronics.Stack`). E is the energy that the amplifier delivers in a period.
+Most of it returns and becomes heat in the amplifier, unless that recovers it.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ IMMOBILE = Mechanism(
 
 
 def mechanism(model: Actuator | PulledSlider) -> Mechanism:
-    """Return the coefficients of a model's equations of motion."""
+    """Return the coefficients of a model's equations of motion. TypeError if it is no such model."""
     if isinstance(model, PulledSlider):
         stiffness, damping = model.spring_stiffness / model.mass, model.damping / model.mass
         return IMMOBILE._replace(

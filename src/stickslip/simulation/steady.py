@@ -1,4 +1,4 @@
-"""Steady stepping of an actuator: the periodic motion and its net step."""
+"""Steady stepping of an actuator: the periodic motion, its stability, and its net step."""
 
 from __future__ import annotations
 

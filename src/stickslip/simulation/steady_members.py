@@ -120,6 +120,9 @@ def steady_steps(
 
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `steady_orbit`.
+
+    Warns:
+        SimulationWarning: the error of a converged member exceeds the tolerance, or is not known.
     """
     tolerance = checked_tolerance(model, tolerance)
     columns = checked_columns(model, waveform, parameters)

@@ -85,7 +85,7 @@ def simulate(
         stack: piezo stack that the drive charges: adds `current`, `charge`, `reactive_power` (into the
             field), `loss_power` and `temperature`, from the start of the drive to the last sample. Within a
             cycle that is not closed at the end of a run, loss and temperature are lower than in a longer run.
-            A drive that jumps takes an infinite current: apply an amplifier first (`electronics.driven`).
+            A drive that jumps takes an infinite current: use `physics.electronics.driven` (amplifier) first.
         end_stops: stops between which the end-effector (the mass of a pulled slider) moves. Adds the
             impacts: `impact_velocity` (before each) over "impact_time". Not with `energy`.
         max_steps: largest number of integration steps.

@@ -111,6 +111,7 @@ def write_chunk(path: Path, data: bytes) -> None:
 
     Raises:
         OSError: the disk is full, or another failure; the partial file is removed.
+        ModuleNotFoundError: see `checksum`.
     """
     check = checksum(data).to_bytes(_CRC, "little")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -206,6 +207,7 @@ def read_chunk(store: Path, name: str, size: int | None = None) -> bytes:
     Raises:
         ChunkError: the file is missing, has another length, cannot be read or lies outside the store, or its
             content does not match the checksum.
+        ModuleNotFoundError: see `checksum`.
     """
     data = plain_bytes(store, name, _CRC + (MOST_CHUNK_BYTES if size is None else size))
     if len(data) < _CRC or (size is not None and len(data) != size + _CRC):

@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 class PeriodicKnots(NamedTuple):
     r"""Periodic drive through knots: values at times within one period, joined by lines or smooth curves.
 
-    With values :math:`u_k` at :math:`t_k`, :math:`h_k = t_{k+1} - t_k`,
-    :math:`\delta_k = (u_{k+1} - u_k)/h_k` and :math:`\tau = t - t_k`, where the
-    knot after the last is the first of the next period, the signal is
+    With values :math:`u_k` and slopes :math:`m_k` at :math:`t_k`, :math:`h_k = t_{k+1} - t_k`,
+    :math:`\delta_k = (u_{k+1} - u_k)/h_k` and :math:`\tau = t - t_k`, where the knot after the last is the
+    first of the next period, the signal is
 
     .. math:: u = u_k + m_k \tau + (3\delta_k - 2m_k - m_{k+1})\frac{\tau^2}{h_k}
                   + (m_k + m_{k+1} - 2\delta_k)\frac{\tau^3}{h_k^2}

@@ -28,6 +28,7 @@ class Multisine(NamedTuple):
 
     .. math:: u = u_0 + \sum_k A_k \sin(2\pi f_k t + \varphi_k) \quad (t < T)
 
+    A_k, f_k and φ_k are amplitude, frequency and phase of each sine, u_0 is the offset and T the duration.
     Without given `phases`, they are Schroeder's [schroeder1970],
 
     .. math:: \varphi_k = \frac{\pi}{2} - 2\pi \sum_{j<k} (k - j)\, p_j, \qquad p_j = A_j^2 / \sum_i A_i^2,

@@ -88,7 +88,9 @@ class Sawtooth(NamedTuple):
 
     .. math:: u = u_0 + A \frac{s}{rT} \ (s < rT), \qquad u = u_0 + A \frac{T - s}{(1 - r)T} \ (s \ge rT)
 
-    With rise_fraction r = 1 the drive jumps down at the end of each period: u = u_0 + A frac(f t).
+    u_0 is the offset, A the amplitude, T the period, r the rise_fraction, and s the time since the start of
+    the period. With r = 1 the drive jumps down at the end of each period: u = u_0 + A frac(f t) with the
+    frequency f.
     """
 
     amplitude: Amplitude
@@ -119,7 +121,8 @@ class ReverseSawtooth(NamedTuple):
     .. math:: u = u_0 + A \frac{s}{(1 - r)T} \ (s < (1 - r)T), \qquad
               u = u_0 + A \frac{T - s}{rT} \ \text{after}
 
-    With fall_fraction r = 1 the drive jumps up at the start of each period, including the first.
+    u_0 is the offset, A the amplitude, T the period, r the fall_fraction, and s the time since the start of
+    the period. With r = 1 the drive jumps up at the start of each period, including the first.
     """
 
     amplitude: Amplitude
@@ -171,7 +174,8 @@ class Cycloid(NamedTuple):
               u = u_0 + A - A\,q\!\left(\frac{s - rT}{(1 - r)T}\right) \ \text{after}, \qquad
               q(p) = p - \frac{\sin 2\pi p}{2\pi}
 
-    Speed and acceleration of the drive are zero at both ends of each stroke. With rise_fraction r = 1 the
+    u_0 is the offset, A the amplitude, T the period, r the rise_fraction, and s the time since the start of
+    the period. Speed and acceleration of the drive are zero at both ends of each stroke. With r = 1 the
     return is a jump. With r = 0.5 both strokes are equal, so that an actuator does not walk.
     """
 
@@ -205,7 +209,8 @@ def _cycloidal_stroke(start: float, fraction: float, level: float, stroke: float
 
 @signal_record
 class Sine(NamedTuple):
-    """Sine u = u_0 + A sin(2 pi f t + phase), which jumps at t = 0 unless the phase is a multiple of pi."""
+    """Sine u = u_0 + A sin(2 pi f t + phase) with offset u_0, amplitude A and frequency f, which jumps at t =
+    0 unless the phase is a multiple of pi."""
 
     amplitude: Amplitude
     frequency: Frequency

@@ -139,6 +139,8 @@ class Chirp(NamedTuple):
     r"""Linear chirp: a sine whose frequency changes linearly from start to end, then rest at `offset`.
 
     .. math:: u = u_0 + A \sin 2\pi\left(f_0 t + \frac{f_1 - f_0}{2 T} t^2\right) \quad (t < T)
+
+    u_0 is the offset, A the amplitude, f_0 and f_1 are the start and end frequency, and T is the duration.
     """
 
     amplitude: Annotated[float, Quantity("V", "A", "amplitude")]

@@ -117,7 +117,8 @@ WALK_UNITS = {
 
 def _line(t: Array, x: Array, first: float, last: float, at: float) -> float:
     """Return the value at time `at` [s] of the least-squares line through the samples x [n] between the times
-    `first` and `last` [s]; NaN for fewer than three samples. t are the times of all samples, s, [n]."""
+    `first` and `last` [s]; NaN for fewer than three samples. t are the ascending times of all samples, s,
+    [n]."""
     i, j = np.searchsorted(t, (first, last))
     if j - i < 3 or first < t[0]:
         return math.nan
@@ -217,8 +218,8 @@ def _asymmetry(walks: list[dict[str, float]]) -> float:
 
 def _spectrum(t: Array, x: Array, slips: SlipEvents) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return frequencies [Hz] and amplitudes [m] of the mean motion in the first quarter of a period after
-    the slips, less a line through the second half of this part; amplitudes are NaN for fewer than two
-    slips."""
+    the slips, less a line through the second half of this part. The amplitudes are NaN for fewer than two
+    slips. x are the positions [m] at the ascending times t [s], [n]."""
     interval = float(np.median(np.diff(t)))
     count = max(8, int(SPECTRUM * slips.period / interval))
     pieces = []

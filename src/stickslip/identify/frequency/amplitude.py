@@ -7,8 +7,10 @@ amplitude alone. Here every parameter follows the rms drive a by one law, the sa
           \omega_m = \omega_{m0}\, e^{\omega_m' \xi}, \quad \zeta_m = \zeta_{m0}\, e^{\zeta_m' \xi}, \quad
           A_m = A_{m0} + A_m' \xi
 
-(B and D like A; p = 0 is the logarithm; the delay stays). p = 1 is Rayleigh's law, in which the coefficients
-are linear in the amplitude [hall2001]. Slopes are per relative change of the amplitude at a_0, whatever p is.
+(B and D like A; p = 0 is the logarithm; the delay stays). ω_m, ζ_m and A_m are natural frequency, damping
+ratio and static gain of mode m (see `modal`), with an index 0 their values at the reference amplitude a_0,
+with a prime their slopes. p = 1 is Rayleigh's law, in which the coefficients are linear in the amplitude
+[hall2001]. Slopes are per relative change of the amplitude at a_0, whatever p is.
 
 The model is valid for drives whose spectra have one shape: only then does one number say what the amplitude
 is. The response at each amplitude is the best linear approximation [pintelon2012]; predictions do not contain

@@ -3,9 +3,9 @@ r"""Modal models: second-order modes that share their poles over all channels, a
 .. math:: G(s) = e^{-s\tau}\Big[D + \sum_m \Big(A_m + B_m \frac{s}{\omega_m}\Big)
           \frac{\omega_m^2}{s^2 + 2\zeta_m\omega_m s + \omega_m^2}\Big]
 
-One mode with B = D = 0 is the stage of [kang2007, eq. 3.18]. A_m is a mode's static gain; B_m, its rate gain,
-is zero if the damping is proportional (real mode shapes); D represents the modes above the band. Every matrix
-is (outputs, inputs).
+One mode with B = D = 0 is the stage of [kang2007, eq. 3.18]. Mode m has the natural frequency ω_m and the
+damping ratio ζ_m; τ is the delay. A_m is a mode's static gain; B_m, its rate gain, is zero if the damping is
+proportional (real mode shapes); D represents the modes above the band. Every matrix is (outputs, inputs).
 """
 
 from __future__ import annotations

@@ -6,11 +6,11 @@ identified together with the law:
 .. math:: F_{meas} = b + \left(\frac{N}{N_0}\right)^p \left( 1 + c\,(t - t_0) \right)
           \left( q + F + a |F| + h F^2 \right), \qquad F = F_{law}
 
-b [N] is the bias of the channel without a contact; p the exponent of the load (1: Amontons; 2/3: one elastic
-asperity); c [1/s] the drift of the strength, as in running-in; and three terms that differ forward and
-backward: a part q [N] of the force that does not reverse with the motion, a share a of strength, a curvature
-h [1/N]. Each is 0 (p: 1) unless it is free. Under a constant load b and q have the same effect; samples
-without load distinguish them.
+N is the normal force (reference: N_0); b [N] is the bias of the channel without a contact; p the exponent of
+the load (1: Amontons; 2/3: one elastic asperity); c [1/s] the drift of the strength from t_0 on, as in
+running-in; and three terms that differ forward and backward: a part q [N] of the force that does not reverse
+with the motion, a share a of strength, a curvature h [1/N]. Each is 0 (p: 1) unless it is free. Under a
+constant load b and q have the same effect; samples without load distinguish them.
 """
 
 from __future__ import annotations

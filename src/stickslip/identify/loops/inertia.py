@@ -2,8 +2,9 @@ r"""Mass and friction of a body from the force that drives it and its motion, al
 
 .. math:: F = m \ddot x + c\,\dot x + F_C \operatorname{sign} \dot x + F_0
 
-Multiplied by smooth windows :math:`\varphi` that vanish with their slope at both ends and integrated by parts
-[shinbrot1957], the recorded position is never differentiated:
+F is the force and x the position; m is the mass, c the viscous friction, F_C the Coulomb force and F_0 a
+constant force. Multiplied by smooth windows :math:`\varphi` that vanish with their slope at both ends and
+integrated by parts [shinbrot1957], the recorded position is never differentiated:
 
 .. math:: \int \varphi F = m \int \ddot\varphi x - c \int \dot\varphi x
           + F_C \int \varphi \operatorname{sign} \dot x + F_0 \int \varphi

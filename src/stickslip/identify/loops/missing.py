@@ -113,8 +113,9 @@ def _explained(fit: Fit, one: Slope) -> float:
 
 
 def _with(fit: Fit, one: Slope) -> Fit:
-    """Return the fit with a term added, linearised: its Jacobian has the term's derivatives as last column,
-    and its residuals are those that remain if all values and the term are fitted. Its values stay."""
+    """Return the fit, which must have its Jacobian, with a term added, linearised: its Jacobian has the
+    term's derivatives as last column, and its residuals are those that remain if all values and the term are
+    fitted. Its values stay."""
     assert fit.jacobian is not None
     r = np.concatenate(fit.residuals)
     columns = np.column_stack([fit.jacobian, one.by])

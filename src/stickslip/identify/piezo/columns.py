@@ -2,9 +2,10 @@ r"""Columns of the linear model of a piezo: responses to a recorded drive, which
 
 .. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
-u is the voltage at the piezo: the recorded one after delay and lag. P are play operators, a is the skew, and
-L is logarithmic creep of one per decade. B is the square of the voltage above its least value, approximated
-by dead zones. See `piezo`.
+y is the position, y_0 its constant part, and u the voltage at the piezo: the recorded one after delay and
+lag. P_r are play operators of half-width r with the weights w_i, a is the skew, κ the asymmetry, and g the
+creep per decade; L is logarithmic creep of one per decade. B is the square of the voltage above its least
+value, approximated by dead zones. See `piezo`.
 """
 
 from __future__ import annotations

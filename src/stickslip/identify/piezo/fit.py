@@ -245,7 +245,7 @@ def _begun(seen: Sequence[Observed], timing: DelayAndLag, assumed: float | None)
 
 
 def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) -> Lateness:
-    """Return delay and lag [s] as given (one that is None is 0), or from the edges if both are None."""
+    """Return delay and lag [s] as given (None: 0), or by edges if both are None; QuantityError if below 0."""
     if delay is not None or lag is not None:
         given = DelayAndLag(delay or 0.0, lag or 0.0)
         if min(given) < 0.0:
@@ -304,7 +304,7 @@ def _problem(
 
 
 class _Described:
-    """Residuals (model minus measured) and derivatives; `Columns` are cached by delay, lag (`timed`) and skew."""
+    """Residuals (model minus measured) and derivatives; caches `Columns` by delay, lag (`timed`) and skew."""
 
     def __init__(self, seen: Sequence[Observed], grid: PlayGrid, names: Sequence[str], timed: bool) -> None:
         self.seen, self.grid, self.names, self.timed = seen, grid, names, timed

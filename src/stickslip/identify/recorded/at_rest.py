@@ -1,4 +1,4 @@
-"""Noise of a channel from a recording at rest."""
+"""Noise of a channel, and the variance of its drift from sample to sample, from a recording at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Checked access to the channels of recordings that an identification needs."""
+"""Checked access to the channels of recordings that an identification needs: names, units, drives,
+saturation, jumps."""
 
 from __future__ import annotations
 

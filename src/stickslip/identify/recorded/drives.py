@@ -1,4 +1,5 @@
-"""Drive voltage in a recording: its waveform, its start, the slew of its jumps, and its periods."""
+"""Drive voltage in a recording: its waveform, its start, the slew of its jumps, its periods, and checks of
+its sampling."""
 
 from __future__ import annotations
 

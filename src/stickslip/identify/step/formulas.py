@@ -215,6 +215,7 @@ def step_features(
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled; the
             drive is not a single step; or the rise is not above the noise.
+        QuantityError: a voltage, `start` or `delay` has a wrong unit.
     """
     delay = optional_si(delay, "s", "delay")
     tests = step_tests(recordings, voltages, start, observed)

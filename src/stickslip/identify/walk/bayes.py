@@ -76,6 +76,8 @@ def posterior(
     Raises:
         FitError: the fit is of another kind (also a joint fit of friction and stage), delay or offset is
             tied, or arviz is missing (extra ``stickslip[bayes]``).
+        RecordingError: a recording lacks a channel or does not fit its drive.
+        QuantityError: the tolerance or the slew rate has a wrong unit.
     """
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     tolerance = to_si(tolerance, "m", "tolerance")

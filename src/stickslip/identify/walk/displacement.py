@@ -96,6 +96,7 @@ class Displacement:
         delay [s].
 
         The last result is cached, so the same values with another offset of the channel need no simulation.
+        Raises ArithmeticError if the motion cannot be simulated; a search then rejects the trial point.
         """
         if self._known[0] != (model, delay):
             early, times = self._times(delay)
@@ -107,14 +108,14 @@ class Displacement:
             outcome, reached, _, _ = integrate(
                 *(plant, *tables, state, span, self.tolerance, False, self.max_steps, times, samples)
             )
-            if outcome != DONE:  # a search rejects trial points with an ArithmeticError
+            if outcome != DONE:
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
             self._known = ((model, delay), _held(classic(of, samples, self.drive, times)[:, 2], early))
         return self._known[1]
 
     def slopes(self, model: Actuator, delay: float, names: list[str]) -> NDArray[np.float64]:
         """Return the derivatives of `position`, SI, by the named values of the model and, in the last column,
-        by the delay, shape (samples, names + 1).
+        by the delay, shape (samples, names + 1). Raises ArithmeticError as `position`.
 
         The model must have derivatives (`has_slopes`). The last result is cached together with the position:
         if the slopes are computed first, the position needs no simulation.
@@ -135,7 +136,7 @@ class Displacement:
 
     def beside(self, model: Actuator, delay: float, others: Sequence[Actuator]) -> NDArray[np.float64]:
         """Return the positions of other models minus the position of `model`, m (rad), shape (samples,
-        others).
+        others). Raises ArithmeticError as `position`.
 
         The other models have the same laws with slightly different values. If the model has derivatives
         (`has_slopes`), they use its integration steps, so that relative changes of 1e-6 have an accurate

@@ -245,7 +245,7 @@ def _by_values(
 ) -> np.ndarray:
     """Return the changes of the positions, m (rad), by independent errors of the stage's values of one
     standard deviation each (columns of the Cholesky factor of their covariance), shape (samples of all walks,
-    values)."""
+    values). `drives` has the waveform of each walk, or None."""
     kept = stage_beside(stage, fit)
     parameters = [stage.parameters[i] for i in kept]
     motions = [

@@ -1,4 +1,5 @@
-"""Searches for the friction parameters of walks from several initial guesses."""
+"""Searches for the friction parameters of walks from several initial guesses, and the choice of searches to
+complete."""
 
 from __future__ import annotations
 

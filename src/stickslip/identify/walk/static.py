@@ -84,6 +84,8 @@ def identify_static_walk(
 
     Raises:
         RecordingError: a channel is missing, too short or constant.
+        QuantityError: a bound is wrong.
+        FitError: see `fit_least_squares`.
     """
     found = recordings_of(recordings)
     names = names_of(found)

@@ -26,7 +26,7 @@ def check_campaign(file: CampaignFile, folder: Path, cells: Sequence[str]) -> Ac
     Raises:
         QuantityError: a parameter cannot be free; or a bound, a prior, a requirement or a law is wrong.
         InputFileError: no recording matches a pattern, two recordings have the same name, or `published`
-            names an unknown recording.
+            names an unknown recording; or a law to compare is unknown.
         ParameterSetError: the model does not exist.
     """
     model = file.load_model(folder)

@@ -2,16 +2,17 @@ r"""Adhesion of a ball, and Bowden and Tabor's friction with it [johnson1971; de
 carpick1999].
 
 With the work of adhesion w a ball of radius R is pulled off at :math:`-\tfrac32 \pi w R` where it is large
-and soft (JKR) and at :math:`-2 \pi w R` where it is small and hard (DMT). Its radius under the load P is
+and soft (JKR) and at :math:`-2 \pi w R` where it is small and hard (DMT). The radius of the contact under the
+load P is, with the reduced modulus E*,
 
 .. math:: a_{JKR}^3 = \frac{3R}{4E^*} \left( P + 3\pi w R + \sqrt{6\pi w R P + (3\pi w R)^2} \right), \qquad
           a_{DMT}^3 = \frac{3R}{4E^*} \left( P + 2\pi w R \right)
 
-and Tabor's parameter :math:`\mu_T = (R w^2 / E^{*2} z_0^3)^{1/3}` selects the limit: JKR above 5, DMT below
-0.1, and an intermediate case in between. Friction of one such contact is its area multiplied by a shear
-strength, :math:`F = \tau \pi a^2`, and proportional to P^(2/3) at high load. Amontons' law requires many
-contacts. Plastic ones have the area P/H: :math:`\mu = \tau/H`. Valid for smooth balls; roughness of the size
-of z_0 already removes most of the adhesion.
+Tabor's parameter :math:`\mu_T = (R w^2 / E^{*2} z_0^3)^{1/3}`, with the range z_0 of the attraction, selects
+the limit: JKR above 5, DMT below 0.1, and an intermediate case in between. Friction of one such contact is
+its area multiplied by a shear strength τ, :math:`F = \tau \pi a^2`, and proportional to P^(2/3) at high load.
+Amontons' law requires many contacts. Plastic ones have the area P/H with the hardness H: :math:`\mu =
+\tau/H`. Valid for smooth balls; roughness of the size of z_0 already removes most of the adhesion.
 """
 
 from __future__ import annotations

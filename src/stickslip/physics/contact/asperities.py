@@ -5,9 +5,12 @@ r"""Greenwood and Williamson's rough contact: summits of one radius and random h
           k_n = 2 \eta A E^* R^{1/2} \sigma^{1/2} F_{1/2}(h), \quad
           N = \eta A F_0(h), \quad A_r = \pi \eta A R \sigma F_1(h)
 
-with :math:`F_n(h) = \int_h^\infty (s - h)^n \varphi(s)\, ds` over the heights in deviations σ and h the
-separation. For Gaussian heights F_n is a parabolic cylinder function; for exponential ones (the limit
-of light loads) :math:`F_n = \Gamma(n + 1) e^{-h}`, so that k_n = P/σ exactly.
+P is the load, k_n the normal stiffness, N the number of summits in contact and A_r the real area; η is the
+number of summits per area, A the nominal area, E* the reduced modulus, R the radius of the summits and σ the
+standard deviation of their heights. :math:`F_n(h) = \int_h^\infty (s - h)^n \varphi(s)\, ds`, where the
+heights s, with the density φ, and the separation h are in units of σ. For Gaussian heights F_n is a parabolic
+cylinder function; for exponential ones (the limit of light loads) :math:`F_n = \Gamma(n + 1) e^{-h}`, so that
+k_n = P/σ exactly.
 
 The summits differ from place to place. For N of them (Poisson) and exponential heights, at constant load, the
 relative standard deviations are

@@ -7,10 +7,11 @@ which they slide, follow
 .. math:: Q(\delta) = \int_0^\infty k(x) \min(\delta, x)\, dx \quad\Longleftrightarrow\quad
           k(x) = -Q''(x)
 
-so that Maxwell slip reproduces every concave initial loading curve and, with Masing's rule, every loop: for
-Mindlin's ball :math:`k(x) = \frac{3 \mu P}{4 D^2} (1 - x/D)^{-1/2}` up to D, for a rough contact
-:math:`\frac{\mu P}{D^2} e^{-x/D}`. N elements that slide at x_1 < ... < x_N interpolate the curve linearly:
-exact at these, and below the curve between them.
+with the force Q at the displacement δ. So Maxwell slip reproduces every concave initial loading curve and,
+with Masing's rule, every loop. Under the normal force P, with the coefficient of friction μ, Mindlin's ball
+has :math:`k(x) = \frac{3 \mu P}{4 D^2} (1 - x/D)^{-1/2}` up to the displacement D at which it slides, a rough
+contact :math:`\frac{\mu P}{D^2} e^{-x/D}`. N elements that slide at x_1 < ... < x_N interpolate the curve
+linearly: exact at these, and below the curve between them.
 """
 
 from __future__ import annotations

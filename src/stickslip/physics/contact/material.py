@@ -4,8 +4,9 @@ r"""Elastic bodies, and the combined moduli of two in contact [johnson1985, sec.
           \frac{1}{G^*} = \frac{2 - \nu_1}{G_1} + \frac{2 - \nu_2}{G_2}, \qquad
           \frac{k_t}{k_n} = \frac{4 G^*}{E^*}
 
-The last, the ratio of tangential to normal stiffness of a sticking contact, is 2(1 - ν)/(2 - ν) for two equal
-materials, whether the contact is one circle [mindlin1949] or randomly rough [campana2011].
+E_i, G_i and ν_i are Young's modulus, shear modulus and Poisson's ratio of each body. The ratio k_t/k_n of
+tangential to normal stiffness of a sticking contact is 2(1 - ν)/(2 - ν) for two equal materials, whether the
+contact is one circle [mindlin1949] or randomly rough [campana2011].
 
 Valid for isotropic bodies, half-spaces to the contact. Normal and tangential forces do not interact if
 Dundurs' β is 0 (equal materials, or both incompressible); up to 0.2 in magnitude this is an error of a few

@@ -6,9 +6,11 @@ Under a constant normal force P the outer ring slips and a circle of radius c st
 .. math:: \delta = \frac{3 \mu P}{16 a G^*} \left( 1 - (1 - Q/\mu P)^{2/3} \right), \qquad
           c = a (1 - Q/\mu P)^{1/3}, \qquad k_t = 8 a G^*
 
-and after a reversal the same curve at twice its size (Masing): a loop, whose area is proportional to the cube
-of a small amplitude. Valid as `Hertz`, with one coefficient of friction everywhere, and little displacement
-transverse to the push: exact at ν = 0 [johnson1985, sec. 7.2].
+Q is the tangential force at the displacement δ, a the contact radius, μ the coefficient of friction, G* the
+tangential modulus of both bodies, and k_t the tangential stiffness before slip. After a reversal the curve is
+the same at twice its size (Masing): a loop, whose area is proportional to the cube of a small amplitude.
+Valid as `Hertz`, with one coefficient of friction everywhere, and little displacement transverse to the push:
+exact at the Poisson's ratio ν = 0 [johnson1985, sec. 7.2].
 """
 
 from __future__ import annotations

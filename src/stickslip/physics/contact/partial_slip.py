@@ -5,8 +5,9 @@ If the normal force at the approach u is P(u), a tangential displacement δ at c
 
 .. math:: Q(\delta) = \mu \left( P(u) - P(u - \tfrac{k_t}{k_n} \tfrac{\delta}{\mu}) \right)
 
-for any shape of the bodies. For a ball it is Mindlin's curve. For rough surfaces, whose load is an
-exponential of the approach, :math:`P \sim e^{u/u_0}`, it is
+for any shape of the bodies, with the coefficient of friction μ and the ratio k_t/k_n of tangential to normal
+stiffness. For a ball it is Mindlin's curve. For rough surfaces, whose load is an exponential of the approach,
+:math:`P \sim e^{u/u_0}`, it is
 
 .. math:: Q = \mu P \left( 1 - e^{-\sigma_0 \delta / \mu P} \right), \qquad
           \sigma_0 = \frac{k_t}{k_n} \frac{P}{u_0}

@@ -9,8 +9,10 @@ than elastic theory.
 .. math:: \sigma_0 = k_t, \qquad F_C = \mu P, \qquad \frac{1}{k_t} = \frac{1}{k_{contact}} +
           \frac{1}{k_{holder}}
 
-Contact mechanics does not predict the bristle's damping σ_1, viscous friction, the Stribeck velocity,
-lubricated or contaminated surfaces, and how a pair wears.
+σ_0 is the stiffness of the bristle, equal to k_t, the tangential stiffness of contact and holder in series;
+F_C is the Coulomb force, μ the coefficient of friction and P the normal force. Contact mechanics does not
+predict the bristle's damping σ_1, viscous friction, the Stribeck velocity, lubricated or contaminated
+surfaces, and how a pair wears.
 """
 
 from __future__ import annotations

@@ -3,9 +3,10 @@ r"""Wear by Archard's law, and friction while a pair runs in [archard1953; blau2
 .. math:: V = k P s, \qquad F(s) = F_\infty + (F_0 - F_\infty)\, e^{-s/s_0}
 
 V is the worn volume after a sliding distance s under the load P; k [m²/N] is 1e-18 to 1e-13 for dry pairs,
-known to a factor of ten at best, and jumps where a pair changes from mild to severe wear. The exponential
-describes curves without a maximum; curves with one are as frequent [blau2005]. In a stick-slip actuator s is
-the total path of sliding in both directions, not the travel.
+known to a factor of ten at best, and jumps where a pair changes from mild to severe wear. The friction F
+changes from F_0 to F_∞, by 63 % over the path s_0. The exponential describes curves without a maximum; curves
+with one are as frequent [blau2005]. In a stick-slip actuator s is the total path of sliding in both
+directions, not the travel.
 """
 
 from __future__ import annotations

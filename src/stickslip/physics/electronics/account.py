@@ -5,8 +5,9 @@ and loss grow with the temperature, by c = 1 + α (ϑ - ϑ_0), then between two 
 
 .. math:: C_\vartheta \dot\vartheta = c(\vartheta)\, P - \frac{\vartheta - \vartheta_a}{R_\vartheta}
 
-with constant P still has an exponential solution, with the rate 1/(R C) - α P / C_ϑ; if that is negative, the
-temperature runs away.
+with a constant loss P (at the temperature ϑ_0) still has an exponential solution, with the rate 1/(R_ϑ C_ϑ) -
+α P / C_ϑ; if that is negative, the temperature runs away. C_ϑ is the heat capacity, R_ϑ the thermal
+resistance to the surroundings, and ϑ_a their temperature.
 """
 
 from __future__ import annotations

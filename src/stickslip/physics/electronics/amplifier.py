@@ -4,9 +4,12 @@ r"""An amplifier that charges the capacitance of a piezo: bandwidth, slew rate, 
           u^* = \operatorname{clip}(G u_{in} + u_0, u_{low}, u_{high}), \qquad
           \tau = \frac{1}{2\pi f_B} + R_o C_p, \qquad R = \min\left(R_{max}, \frac{I}{C_p}\right)
 
-The peak current flows for a limited time, as in data sheets. I is I_max while the exponentially weighted mean
-square of the current is below the square of the rms current; then it is I_rms until the demand falls below
-that,
+u is the output for the input u_in, and C_p the capacitance of the piezo. The other symbols are those of the
+fields of `Amplifier`.
+
+The peak current flows for a limited time, as in data sheets. I is I_max while q, the exponentially weighted
+mean square of the current i, is below the square of the rms current; then it is I_rms until the demand falls
+below that,
 
 .. math:: T \dot q = i^2 - q, \qquad I = I_{max} \ (q < I_{rms}^2), \quad I_{rms} \ (q = I_{rms}^2), \qquad
           T = \frac{t_{peak}}{-\ln(1 - I_{rms}^2/I_{max}^2)}

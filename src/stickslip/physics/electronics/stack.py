@@ -4,11 +4,12 @@ r"""Electrical and thermal model of a piezo stack: a capacitance with losses, an
           m(U) = 1 + (M - 1) \frac{U}{U_{full}}, \qquad
           C_\vartheta \dot\vartheta = P - \frac{\vartheta - \vartheta_a}{R_\vartheta}
 
-E is the energy lost in a cycle with the swing U (peak to peak). A data sheet's C and tan(delta) apply to
-small signals; in a cycle of the full field their product is M = 7 to 10 times larger [noliac2026], so the
-heat from the data sheet alone is wrong by an order of magnitude. In between, the loss tangent is assumed
-to grow linearly with the field, as in Rayleigh's law. Mechanical losses and losses in leads and amplifier are
-not included.
+E is the energy lost in a cycle with the swing U (peak to peak), P the mean loss, ϑ the temperature of the
+stack and ϑ_a that of its surroundings; U_full is the swing of the full field, C_ϑ the heat capacity and R_ϑ
+the thermal resistance. A data sheet's C and tan(delta) apply to small signals; in a cycle of the full field
+their product is M = 7 to 10 times larger [noliac2026], so the heat from the data sheet alone is wrong by an
+order of magnitude. In between, the loss tangent is assumed to grow linearly with the field, as in Rayleigh's
+law. Mechanical losses and losses in leads and amplifier are not included.
 
 The whole stack has one temperature. This is valid if its internal thermal resistance is small compared with
 that to its surroundings, as for a short stack, or in still air; the core of a well-cooled long stack is

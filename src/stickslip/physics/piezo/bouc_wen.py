@@ -3,10 +3,11 @@ r"""Bouc-Wen hysteresis between voltage and free stroke, of the order n = 1 [wen
 .. math:: H[u] = u - h, \qquad
           \dot h = \alpha \dot u - \beta |\dot u| h - \gamma \dot u |h|, \qquad y = C H[u]
 
-The model is rate-independent, smooth after a reversal, and has three parameters. Its loops are
-point-symmetric, and minor loops drift until they close [ikhouane2007], unlike those of a piezo: a
-Prandtl-Ishlinskii model predicts better if the amplitude changes. While the drive moves in one direction, h
-is an exponential of u on either side of 0, so no numerical integration is needed.
+u is the voltage, h [V] its hysteretic part, y the free stroke and C the gain; α, β and γ are the parameters.
+The model is rate-independent, and smooth after a reversal. Its loops are point-symmetric, and minor loops
+drift until they close [ikhouane2007], unlike those of a piezo: a Prandtl-Ishlinskii model predicts better if
+the amplitude changes. While the drive moves in one direction, h is an exponential of u on either side of 0,
+so no numerical integration is needed.
 
 |h| stays below α/(β + γ). With 2 α β < β + γ the stroke increases with the drive, so that H has an
 inverse.

@@ -3,9 +3,11 @@ logarithmic law.
 
 .. math:: y = C \Bigl( h + \sum_k a_k x_k \Bigr), \qquad \tau_k \dot x_k = h - x_k
 
-h [V] is the output of the hysteresis. After a step at t = 0, terms of equal share a that are d decades apart
-creep as :math:`1 + g \log_{10}(t/t_0)` between the first and the last time constant, with g = a/d: 0.01 to
-0.02 for PZT stacks [pi2009]. A recording does not determine time constants beyond its duration.
+y is the free stroke, C the gain, and h [V] the output of the hysteresis; term k has the state x_k [V], the
+share a_k and the time constant τ_k. After a step at t = 0, terms of equal share a that are d decades apart
+creep nearly as :math:`1 + g \log_{10}(t/t_0)` between the first and the last time constant, with g = a/d:
+0.01 to 0.02 for PZT stacks [pi2009]. See `PER_DECADE` for the deviation. A recording does not determine time
+constants beyond its duration.
 """
 
 from __future__ import annotations

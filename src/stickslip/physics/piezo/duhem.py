@@ -2,10 +2,11 @@ r"""User-defined hysteresis of the drive in Duhem's form [oh2005]: one function,
 
 .. math:: H[u] = u - h, \qquad \frac{dh}{du} = s(u, h, \operatorname{sign} \dot u), \qquad y = C H[u]
 
-h [V] is the hysteretic part that is subtracted from the voltage u; it is initially 0 at 0 V. A model is a
-record and its slope s. It is rate-independent: only the reversals of the voltage matter, not its speed.
-Between reversals h is integrated by the fourth-order Runge-Kutta formula, in steps that are halved until both
-halves agree with the whole. `BoucWen` is also of this form, with a closed-form solution.
+h [V] is the hysteretic part that is subtracted from the voltage u; it is initially 0 at 0 V. y is the free
+stroke, and C the gain. A model is a record and its slope s. It is rate-independent: only the reversals of the
+voltage matter, not its speed. Between reversals h is integrated by the fourth-order Runge-Kutta formula, in
+steps that are halved until both halves agree with the whole. `BoucWen` is also of this form, with a
+closed-form solution.
 
 Valid if s is finite for every voltage that occurs; otherwise h is NaN, and drives are refused. With s below 1
 the stroke increases with the voltage. Models whose memory is more than one number (plays, Preisach's relays)

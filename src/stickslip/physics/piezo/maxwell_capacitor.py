@@ -3,14 +3,14 @@ r"""Maxwell slip model with charge: the piezo as a two-port of voltage, charge, 
 .. math:: u = \sum_i k_i E_{q_i}[q] + \frac{q - T y}{C_0}, \qquad
           F = T\,\frac{q - T y}{C_0}, \qquad q_i = v_i / k_i
 
-u is the voltage, q the charge, y the stroke, F the force of the ceramic and T its force per volt (the
-actuator's `drive_force_per_volt`) [goldfarb1997, eq. 5-9]. E_r is the stop operator of half-width r: an
-element takes voltage in proportion to the charge until v_i, and then slips. There is no hysteresis between
-charge and force, so an actuator under charge control has no loop. Under voltage control, a motion of the
-stage also moves charge and so acts on the elements.
+u is the voltage, q the charge, y the stroke, F the force of the ceramic, T its force per volt (the actuator's
+`drive_force_per_volt`) and C_0 the capacitance if blocked [goldfarb1997, eq. 5-9]. E_r is the stop operator
+of half-width r: element i takes the voltage k_i per charge until v_i, and then slips. There is no hysteresis
+between charge and force, so an actuator under charge control has no loop. Under voltage control, a motion of
+the stage also moves charge and so acts on the elements.
 
-Under voltage control the charge is a Prandtl-Ishlinskii operator of u + T y/C_0, with weights that follow
-from the k_i in closed form [krejci2001]:
+Under voltage control the charge is a Prandtl-Ishlinskii operator of u + T y/C_0, whose half-widths ρ_j and
+weights a_j follow from the k_i in closed form [krejci2001]:
 
 .. math:: q = C_0 \left( e - \sum_j a_j E_{\rho_j}[e] \right), \qquad e = u + T y / C_0
 

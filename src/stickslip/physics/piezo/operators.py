@@ -3,8 +3,9 @@ r"""Play operators and dead zones on samples: their response and its inverse.
 .. math:: z_i(t) = \max\bigl(v - r_i, \min(v + r_i, z_i(t^-))\bigr), \qquad
           H[u] = \sum_i w_i z_i + \sum_j c_j \max(u - s_j, 0)
 
-After a reversal a play does not move until v has returned by 2 r_i [krejci2001; kuhnen2003]; v is the drive
-u, or the skewed drive
+z_i is the output of the play of half-width r_i, with the weight w_i; c_j is the slope beyond the dead zone
+that ends at s_j. After a reversal a play does not move until v has returned by 2 r_i [krejci2001;
+kuhnen2003]; v is the drive u, or the drive with skews d_j,
 
 .. math:: v = u + \sum_j d_j \bigl(\max(u - s_j, 0) - \max(-s_j, 0)\bigr),
 

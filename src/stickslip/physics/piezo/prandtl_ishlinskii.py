@@ -3,12 +3,13 @@ r"""Prandtl-Ishlinskii hysteresis, with dead zones for differences between low a
 .. math:: H[u] = \sum_i w_i P_{r_i}[v] + \sum_j c_j \max(u - s_j, 0), \qquad
           v = u + \sum_j d_j \bigl(\max(u - s_j, 0) - \max(-s_j, 0)\bigr), \qquad y = C H[u]
 
-P_r is the play operator of half-width r (see `operators`); with skews d_j its input is a nonlinear function
-of the voltage, so that loops are wider at one end (in [kuhnen2003] the output is nonlinear). With
-non-negative weights, loops and minor loops close like those of a piezo, and H has an inverse in closed form
-[krejci2001; kuhnen2003]. The model is rate-independent; loops are congruent and, without dead zones,
-point-symmetric. In the literature the dead zones follow the plays; here they are in parallel, which leaves
-the weights linear in a fit.
+u is the voltage, y the free stroke and C the gain. P_r is the play operator of half-width r (see
+`operators`), w_i the weight of a play, and c_j the slope beyond a dead zone that ends at s_j. With skews d_j
+the input v of the plays is a nonlinear function of the voltage, so that loops are wider at one end (in
+[kuhnen2003] the output is nonlinear). With non-negative weights, loops and minor loops close like those of a
+piezo, and H has an inverse in closed form [krejci2001; kuhnen2003]. The model is rate-independent; loops are
+congruent and, without dead zones, point-symmetric. In the literature the dead zones follow the plays; here
+they are in parallel, which leaves the weights linear in a fit.
 
 Valid at temperatures, preloads and voltages near those of the recordings from which it was identified: beyond
 the largest threshold no further play reverses.

@@ -83,6 +83,7 @@ class Calibration:
         Raises:
             CalibrationError: the covariance is not known, no degrees of freedom are left, or the level is not
                 a probability.
+            QuantityError: readings have a wrong unit.
         """
         if isinstance(level, str) or not 0.0 < level < 1.0:
             raise CalibrationError(f"level = {level!r} is out of range: a probability must be > 0 and < 1")
@@ -104,6 +105,7 @@ class Calibration:
 
         Raises:
             CalibrationError: the polynomial is not monotonic over its range, or y is outside its range.
+            QuantityError: y has a wrong unit.
         """
         grid = np.linspace(self.low, self.high, 2001)
         turns = np.polynomial.polynomial.polyroots(np.polynomial.polynomial.polyder(self.coefficients))

@@ -76,7 +76,7 @@ def without_empty_end(group: Clocked) -> Clocked:
 
 def onto_one_clock(common: Clocked, others: list[Clocked]) -> Clocked:
     """Return all channels at those times of the group `common` that lie within the time range of every other
-    group; the channels of the others are interpolated linearly.
+    group; the channels of the others are interpolated linearly. The times of all groups must ascend.
 
     Raises:
         RecordingError: fewer than two times of the common clock lie within the range of the others.

@@ -200,7 +200,8 @@ def _texts(figure: Figure) -> Iterator[Text]:
 def svg(figure: Figure) -> str:
     """Return the figure as an SVG element: text without XML header, date or external references.
 
-    Texts of more than `LONGEST_TEXT` characters are cut off in the figure, and a pyplot figure is closed.
+    The figure is changed: texts of more than `LONGEST_TEXT` characters are cut off, its resolution is
+    `DOTS_PER_INCH`, and a pyplot figure is closed.
     """
     target = io.StringIO()
     figure.dpi = DOTS_PER_INCH

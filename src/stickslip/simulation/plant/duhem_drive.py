@@ -1,5 +1,5 @@
-r"""A drive after Duhem hysteresis (`piezo.duhem`: Bouc-Wen, or a user's model), whose hysteretic part h is
-approximated by cubics.
+r"""A drive after Duhem hysteresis (`physics.piezo.duhem`: Bouc-Wen, or a user's model), whose hysteretic part
+h is approximated by cubics.
 
 The result is u - h, in which the formulas of the voltage u are unchanged. Values and slopes of h [V] are
 known at any time between reversals of u. Each cubic covers a piece so short that its error stays within the

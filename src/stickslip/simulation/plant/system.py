@@ -6,11 +6,13 @@ r"""Equations of a system: linear modes of bodies, and elements that act on or b
    s_e &= \sum_m \left( h_{em} \dot q_m + g_{em} q_m \right) + d_e u + d'_e \dot u + \sum_{i<e} l_{ei} f_i \\
    f_e &= N_e(t)\,F_e(s_e, z_e), \qquad \dot z_e = \dot Z_e(s_e, z_e) - \frac{\max(\dot N_e, 0)}{N_e} z_e
 
-A body is one mode (a rigid slider: k = 0) or several, whose positions add up; a body that follows the drive
-has none, and enters an element through d' (its velocity). An element is a record with one ``rate(record, s,
-z)``, chosen by its type (see `friction.law`): a friction contact, whose input is the sliding velocity and
-whose output is a force; or anything with scalar states between an input and an output (a lag, an amplifier,
-creep, a controller).
+q_m is the position of mode m and u the drive; element e has the input s_e, the states z_e and the output f_e,
+and F_e and Z_e are the functions of its record. `Mode` and `Element` name the coefficients. A body is one
+mode (a rigid slider: k = 0) or several, whose positions add up; a body that follows the drive has none, and
+enters an element through d' (its velocity). An element is a record with one ``rate(record, s, z)``, chosen by
+its type (see `friction.law`): a friction contact, whose input is the sliding velocity and whose output is a
+force; or anything with scalar states between an input and an output (a lag, an amplifier, creep, a
+controller).
 
 With k = ωₙ², c = 2ζωₙ, b = Cωₙ², p = -1/m and 1/m_e this is the thesis's model [kang2007, eq. 3.20-3.25].
 

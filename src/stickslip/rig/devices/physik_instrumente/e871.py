@@ -84,7 +84,8 @@ class E871Client:
         self._line.do(f"MOV {axis} {1e3 * position:.9f}")
 
     def moving(self, axis: int) -> bool:
-        """Return True while the axis moves."""
+        """Return True while the axis moves. Raises QuantityError for an unknown axis, RigError for a wrong or
+        missing answer."""
         self.ranges.check(axis)
         said = self._line.ask(_MOVING)[0]
         try:

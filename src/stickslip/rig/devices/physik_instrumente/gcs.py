@@ -114,8 +114,8 @@ class GcsLine:
         return [line.rstrip() for line in lines]
 
     def number(self, query: str) -> float:
-        """Return the number in the first line of the answer to a query, after the last "=" if there is
-        one. RigError if there is no finite number."""
+        """Return the number in the first line of the answer to a query, after the last "=" if there is one.
+        RigError if there is no finite number; all later queries are then refused."""
         said = self.ask(query)[0]
         found = re.fullmatch(r"(?:.*=)?\s*([-+.\deE]+)\s*", said)
         try:
