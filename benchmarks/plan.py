@@ -159,7 +159,7 @@ def fitted(
             FREE,
             drive=setup.drives,
             channel=("delay", "offset"),
-            begin={"delay": DELAY},
+            initial={"delay": DELAY},
             noise=rest(chain, random),
             hops=hops,
         )

@@ -36,7 +36,7 @@ def _fit(alone: bool, **options: Any) -> Callable[[], campaign.Fitted]:
 
     def run() -> campaign.Fitted:
         with patch.object(friction, "loosest", (lambda *_: None) if alone else friction.loosest):
-            found = ss.identify_friction([recording], model, FREE, drive=drive, begin=begin, **options)
+            found = ss.identify_friction([recording], model, FREE, drive=drive, initial=begin, **options)
         values = np.array([found.values[name] for name in FREE])
         return campaign.Fitted(values, found.n_evaluations, found.converged, found.rmse)
 

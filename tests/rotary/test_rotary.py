@@ -242,7 +242,7 @@ def test_files_fit_and_verify_angles(tmp_path) -> None:
     units = set(re.findall(r'"unit": "([^"]*)"', json.dumps(found)))
     assert {"rad", "rad/s", "N m", "N m/rad"} <= units
     assert not units & {"m", "N", "m/s", "m/V", "N/m", "kg", "N s/m"}
-    assert all(abs(one["begin"]["value"] - 0.05) < 1e-3 for one in found["recordings"].values())
+    assert all(abs(one["start"]["value"] - 0.05) < 1e-3 for one in found["recordings"].values())
     assert all(1e-6 < one["noise"]["value"] < 3e-6 for one in found["recordings"].values())
 
 

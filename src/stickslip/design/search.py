@@ -124,15 +124,15 @@ def robust(task: Task, starts: Array) -> Best:
     first = int(np.argmax(scores))
     best, spent = Best(starts[first], float(scores[first]), 0), len(starts) * task.conditions
     active = worst_of(merits[first], task.judge, np.zeros(0, np.int64))
-    begin, spread, share, begun = starts[first], WIDE, task.budget, 0.0
+    initial, spread, share, begun = starts[first], WIDE, task.budget, 0.0
     if len(starts) > 1 or task.conditions > 1:
         # The search in one condition takes this share of the progress.
         begun = 1.0 if task.conditions == 1 else 0.5
         part = task._replace(progress=lambda doing, done: task.progress(doing, begun * done))
-        begin, tried, stopped = _of_one(part, starts, _worst(merits[first]))
-        found = task.merits(begin[None], everything)
+        initial, tried, stopped = _of_one(part, starts, _worst(merits[first]))
+        found = task.merits(initial[None], everything)
         score, spent = float(task.judge.score(found, everything)[0]), spent + tried + task.conditions
-        best = Best(begin, score, 0) if score > best.score else best
+        best = Best(initial, score, 0) if score > best.score else best
         if stopped or task.conditions == 1:
             return best._replace(evaluations=spent, interrupted=stopped)
         active, spread, share = worst_of(found[0], task.judge, active), NEAR, task.budget // 2
@@ -142,7 +142,7 @@ def robust(task: Task, starts: Array) -> Best:
                 doing, begun + (1.0 - begun) * (turn + done) / ROUNDS
             ),
         )
-        found, tried, stopped = evolved(part, begin, spread, active, share)
+        found, tried, stopped = evolved(part, initial, spread, active, share)
         merits = task.merits(found[None], everything)
         score = float(task.judge.score(merits, everything)[0])
         spent += tried * active.size + task.conditions
@@ -155,7 +155,7 @@ def robust(task: Task, starts: Array) -> Best:
         wider = worst_of(merits[0], task.judge, active)
         if wider.size == active.size or (turn and gained < GAIN * task.judge.scale):
             break
-        active, begin, spread, share = wider, found, NEAR, task.budget // LATER
+        active, initial, spread, share = wider, found, NEAR, task.budget // LATER
     return best._replace(evaluations=spent)
 
 
@@ -253,19 +253,19 @@ def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
     return np.unique(np.concatenate(found)).astype(np.int64)
 
 
-def evolved(task: Task, begin: Array, spread: float, active: Index, budget: int) -> tuple[Array, int, bool]:
+def evolved(task: Task, initial: Array, spread: float, active: Index, budget: int) -> tuple[Array, int, bool]:
     """Search by CMA-ES; return the best point, the number of computed candidates, and True if Ctrl-C stopped
     the search.
 
     Args:
         task: the search.
-        begin: initial guess [coordinates from 0 to 1].
+        initial: initial guess [coordinates from 0 to 1].
         spread: initial standard deviation of the coordinates.
         active: indices of the conditions by which candidates are judged.
         budget: number of candidates.
     """
-    run = _evolution(task, begin, spread)
-    best, tried = (float(task.judge.score(task.merits(begin[None], active), active)[0]), begin), 1
+    run = _evolution(task, initial, spread)
+    best, tried = (float(task.judge.score(task.merits(initial[None], active), active)[0]), initial), 1
     try:
         while tried < budget and not run.stop():
             x = np.array(run.ask())
@@ -280,7 +280,7 @@ def evolved(task: Task, begin: Array, spread: float, active: Index, budget: int)
     return np.clip(best[1], 0.0, 1.0), tried, False
 
 
-def _evolution(task: Task, begin: Array, spread: float) -> Any:
+def _evolution(task: Task, initial: Array, spread: float) -> Any:
     options = {
         "bounds": [0.0, 1.0],
         "popsize": GENERATION,
@@ -292,7 +292,7 @@ def _evolution(task: Task, begin: Array, spread: float) -> Any:
         "tolfun": 1e-6,
         "tolx": 1e-5,
     }
-    return _cma().CMAEvolutionStrategy(np.clip(begin, INSIDE, 1.0 - INSIDE), spread, options)
+    return _cma().CMAEvolutionStrategy(np.clip(initial, INSIDE, 1.0 - INSIDE), spread, options)
 
 
 def _cma() -> Any:

@@ -38,7 +38,7 @@ def fit_least_squares(
     described: Problem | Callable[[Values], ArrayLike] | Sequence[Residuals],
     parameters: Sequence[Parameter] = (),
     *,
-    begin: Values | None = None,
+    initial: Values | None = None,
     starts: int = 1,
     hops: int = 0,
     seed: int = 0,
@@ -57,7 +57,7 @@ def fit_least_squares(
         described: a `Problem`; or the residuals of its recordings: a function of all values, or a list of
             `Residuals`.
         parameters, about: parameters and further arguments of the `Problem`, if `described` is not one.
-        begin: initial guess, values by name, if it differs from the parameters' own.
+        initial: initial guess, values by name, if it differs from the parameters' own.
         starts: total number of initial guesses; those after the first fill the bounds by a Latin hypercube.
         hops: largest number of basin hops, that is of searches for a lower minimum: from the best of many
             points within the bounds, then near the best minimum, with each parameter multiplied by 1/4, 1/2,
@@ -78,7 +78,9 @@ def fit_least_squares(
     if starts < 1:
         raise FitError(f"starts = {starts} must be at least 1")
     problem = described if isinstance(described, Problem) else Problem(described, parameters, **about)
-    options = Options(begin, starts, hops, seed, central, tolerance, settled, max_evaluations, progress, each)
+    options = Options(
+        initial, starts, hops, seed, central, tolerance, settled, max_evaluations, progress, each
+    )
     searches = SearchResults(problem, options)
     searches.run()
     _search_beyond(searches)

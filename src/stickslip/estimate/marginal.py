@@ -156,7 +156,7 @@ class _Path:
     def __init__(self, fit: Fit, place: int, others: Sequence[Parameter], hold: Hold) -> None:
         self.parameter, self.others, self.hold = fit.parameters[place], others, hold
         self.middle = self.parameter.coordinate(fit.values[self.parameter.name])
-        self.begin = np.array([q.coordinate(fit.values[q.name]) for q in others])
+        self.initial = np.array([q.coordinate(fit.values[q.name]) for q in others])
         self.variance = (1.0 if fit.noise_known else fit.reduced_chi_squared) * inflation(fit, place)
         self.evaluations, self.log_likelihood = 0, fit.log_likelihood
         self.found: dict[float, Held] = {}
@@ -166,12 +166,12 @@ class _Path:
     def fits(self) -> list[Held]:
         return [self.found[at] for at in sorted(self.found)]
 
-    def add(self, at: float, begin: Array, beside: float) -> Held | None:
+    def add(self, at: float, initial: Array, beside: float) -> Held | None:
         """Fit the other parameters with the value fixed, and keep the better result for this value.
 
         Args:
             at: coordinate of the fixed value.
-            begin: initial guess of the coordinates of the others [k], predicted from a neighbouring fit.
+            initial: initial guess of the coordinates of the others [k], predicted from a neighbouring fit.
             beside: coordinate of the fixed value in that neighbouring fit; NaN for the first fit.
 
         Returns:
@@ -179,7 +179,7 @@ class _Path:
         """
         self.tried.add((at, beside))
         try:
-            alone, whole = self.hold(self.parameter.value(at), values_at(self.others, begin))
+            alone, whole = self.hold(self.parameter.value(at), values_at(self.others, initial))
         except FitError:
             return None
         self.evaluations += alone.n_evaluations
@@ -198,7 +198,7 @@ class _Path:
         at = points(self.parameter)
         middle = int(np.argmin(np.abs(at - self.middle)))
         first = self.add(
-            float(at[middle]), self.ahead((self.middle, self.begin), self.tangent, at[middle]), math.nan
+            float(at[middle]), self.ahead((self.middle, self.initial), self.tangent, at[middle]), math.nan
         )
         if first is None:
             return
@@ -229,16 +229,16 @@ class _Path:
                 here = 0.5 * (one.at + other.at)
                 self.add(here, self.ahead(one[:2], self.secant(one, other), here), one.at)
 
-    def ahead(self, begin: tuple[float, Array], slope: Array, here: float) -> Array:
+    def ahead(self, initial: tuple[float, Array], slope: Array, here: float) -> Array:
         """Return the initial guess of the others' coordinates [k] at another fixed value, by linear
         extrapolation in the search variables (see `Parameter.to_search`).
 
         Args:
-            begin: tuple of a known fit: coordinate of the fixed value, coordinates of the others [k].
+            initial: tuple of a known fit: coordinate of the fixed value, coordinates of the others [k].
             slope: derivatives of the others by the fixed value, all as search variables, shape (k,).
             here: coordinate of the other fixed value.
         """
-        at, others = begin
+        at, others = initial
         step = self.parameter.to_search(here) - self.parameter.to_search(at)
         found = self._to_search(others) + slope * step
         return np.array(

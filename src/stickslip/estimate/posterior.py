@@ -113,7 +113,7 @@ class _Draws(NamedTuple):
 def sample(
     log_density: Density,
     parameters: Sequence[Parameter],
-    begin: Mixture,
+    initial: Mixture,
     *,
     max_simulations: int,
     ties: Ties | None = None,
@@ -126,7 +126,7 @@ def sample(
         log_density: function from points [n, k] to their natural log densities [n], up to a constant, and the
             coordinates q of all parameters [n, parameters].
         parameters: parameters of the samples, in the order of these coordinates.
-        begin: mixture from which the first proposals are drawn.
+        initial: mixture from which the first proposals are drawn.
         max_simulations: largest number of points at which the density is computed.
         ties: relation of tied parameters to the others; the tied ones are added to the samples.
         seed: seed of the random numbers.
@@ -147,7 +147,7 @@ def sample(
     def told(done: int) -> None:
         progress("sampling the posterior", done / max_simulations)
 
-    mixture, mixtures, everything, kept, done = begin, [], [], [], 0
+    mixture, mixtures, everything, kept, done = initial, [], [], [], 0
     count = max(1, min(ROUND, max_simulations // 4) // CHAINS) * CHAINS
     while True:
         kept.append(drawn(mixture, count))

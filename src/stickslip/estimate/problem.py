@@ -173,7 +173,7 @@ class Problem:
         self._set_ends(place, wider)
         return wider != p
 
-    def begin_at(self, values: Values) -> np.ndarray:
+    def initial_at(self, values: Values) -> np.ndarray:
         """Return the coordinates q [k] of an initial guess, values by name; search ranges are extended to
         contain the values, and values beyond a limit are cut."""
         for place, p in enumerate(self.parameters):

@@ -48,7 +48,7 @@ class SearchState(NamedTuple):
 class Options(NamedTuple):
     """Options of a search: the arguments of `fit_least_squares` with the same names."""
 
-    begin: Values | None
+    initial: Values | None
     starts: int
     hops: int
     seed: int
@@ -102,10 +102,10 @@ class SearchResults:
         it finds no lower minimum, when only white noise is left, or when the budget is spent."""
         problem, options = self.problem, self.options
         first = problem.start
-        if options.begin is not None:
-            first = problem.begin_at(options.begin)
-        begins = [first, *scattered(problem, options.starts - 1, options.seed)]
-        for number, q in enumerate(begins, start=1):
+        if options.initial is not None:
+            first = problem.initial_at(options.initial)
+        guesses = [first, *scattered(problem, options.starts - 1, options.seed)]
+        for number, q in enumerate(guesses, start=1):
             if np.all(np.isfinite(problem.residuals(q))):
                 self.ends.append(self.search(number, q, options.max_evaluations))
         for hop in range(options.hops):
@@ -208,11 +208,11 @@ class SearchResults:
         if problem.budget is not None and problem.budget.spend(problem.best_cost * problem.scale**2):
             raise _OutOfBudget(problem.budget.said)
 
-    def _improved(self, begins: Sequence[Array]) -> bool:
-        """Search briefly (`LOOK` steps) from each of the coordinates `begins`. If the lowest end is below the
+    def _improved(self, guesses: Sequence[Array]) -> bool:
+        """Search briefly (`LOOK` steps) from each of the coordinates `guesses`. If the lowest end is below the
         best one so far, continue from it and return True; otherwise return False."""
         starts, lowest = self.options.starts, self.best.cost
-        looks = [self.search(starts, q, LOOK) for q in begins]
+        looks = [self.search(starts, q, LOOK) for q in guesses]
         look = min(looks, key=lambda end: end.cost, default=None)
         if look is None or not look.cost < lowest * (1 - self.same):
             return False

@@ -28,7 +28,7 @@ def raised_by_noise(best: Fit) -> float:
 
 
 def from_several(
-    begins: Sequence[Values],
+    guesses: Sequence[Values],
     look: Callable[[Values], Fit],
     ends: Callable[[Sequence[Fit]], Sequence[Fit]],
     raised: Callable[[Fit], float] = raised_by_noise,
@@ -36,7 +36,7 @@ def from_several(
     """Return the lowest result of searches from all points, as a fit with the other minima that fit as well.
 
     Args:
-        begins: initial guesses, values by name; the first is the user's, whose search is always completed.
+        guesses: initial guesses, values by name; the first is the user's, whose search is always completed.
         look: function from an initial guess to the fit after a short search, of about `ENOUGH` evaluations.
         ends: function that takes the fits after the `FOLLOWED` best short searches, the best first, and after
             the user's, and returns the fits at the ends of these searches.
@@ -46,9 +46,9 @@ def from_several(
         FitError: no search can start.
     """
     near, failure = [], None
-    for i, begin in enumerate(begins):
+    for i, initial in enumerate(guesses):
         try:
-            near.append((i, look(begin)))
+            near.append((i, look(initial)))
         except FitError as error:
             failure = failure or error
     if failure is not None and not near:

@@ -94,7 +94,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
             request.free,
             slew_rate=rate,
             stage=stage if bent is None else None,
-            begin=None if stage is None or bent is None else {"delay": stage.values["delay"]},
+            initial=None if stage is None or bent is None else {"delay": stage.values["delay"]},
             bounds={name: (limits[0], limits[1]) for name, limits in request.bounds.items()},  # type: ignore[arg-type]
             starts=request.starts,
             hops=request.hops,

@@ -244,7 +244,7 @@ def test_own_recordings_and_what_is_wrong_with_them(folder: Path) -> None:
     found = json.loads((folder / "own" / "results.json").read_bytes())["numbers"]
     interval = found["friction"]["parameters"]["coulomb_force"]
     assert interval["low"] < 0.5401 < interval["high"]
-    assert found["recordings"]["walk"]["begin"]["value"] == pytest.approx(0.1, abs=1e-5)
+    assert found["recordings"]["walk"]["start"]["value"] == pytest.approx(0.1, abs=1e-5)
     for x, words in ((0 * micrometres, "is 0 throughout"), (micrometres[:5], "5 samples")):
         saved(x, x.size)
         refused = run(file, "--no-figures", "--out", str(folder / "own"))

@@ -169,7 +169,7 @@ def identify_loops(
         for name in free
     ]
     parameters = [with_prior(p, priors) for p in parameters]
-    parameters, begins = loop_starts(given := parameters, found, measured, bounds)
+    parameters, guesses = loop_starts(given := parameters, found, measured, bounds)
     others = beside(free, tied, known_of(model, neutral, along))
 
     parts = [
@@ -186,10 +186,10 @@ def identify_loops(
         difference_step=DIFFERENCE_STEP,
         exchangeable=exchangeable(model, parameters, others),
     )
-    begins = [{p.name: p.start for p in parameters}, *begins]
+    guesses = [{p.name: p.start for p in parameters}, *guesses]
     budget = EvaluationBudget.of(measured, [white_noise(force) for force in measured], noise or 1.0)
     how = (partial(alike, measured=measured), starts, seed, max_evaluations, progress, budget)
-    fit = budget.told(_lowest(described, [*parameters, *others], begins, found, *how))
+    fit = budget.told(_lowest(described, [*parameters, *others], guesses, found, *how))
     fit = with_own_noise(fit) if correlated and noise is None else fit
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
     asked = _unasked({*free, *tied})
@@ -214,7 +214,7 @@ def identify_loops(
 def _lowest(
     described: Callable[[Sequence[Parameter]], Problem],
     parameters: Sequence[Parameter],
-    begins: Sequence[Values],
+    guesses: Sequence[Values],
     recordings: Sequence[xr.Dataset],
     less: Callable[[Fit], float],
     *how: Any,
@@ -223,7 +223,7 @@ def _lowest(
     law, at other stiffnesses. The intervals contain the other solutions of `profiled`. `described` returns
     the problem of given parameters; `how` are the arguments of `_searched` after `less`, the budget last."""
     problem = described(parameters)
-    fit = _searched(problem, begins, less, *how)
+    fit = _searched(problem, guesses, less, *how)
     if how[-1].over:
         return fit
     if falls := stribeck_starts(problem.parameters, fit.values, recordings):
@@ -261,7 +261,7 @@ def _with_other_stiffnesses(
 
 def _searched(
     problem: Problem,
-    begins: Sequence[Values],
+    guesses: Sequence[Values],
     less: Callable[[Fit], float],
     starts: int,
     seed: int,
@@ -269,15 +269,15 @@ def _searched(
     progress: Progress,
     budget: EvaluationBudget,
 ) -> Fit:
-    """Return the fit at the lowest minimum of searches from the initial guesses `begins` and, if `starts` is
+    """Return the fit at the lowest minimum of searches from the initial guesses `guesses` and, if `starts` is
     above 1, from `starts` - 1 random ones within the bounds. `less` returns the factor by which excesses of
     chi-squared are divided, as in `lowest`."""
     problem.budget = budget
 
-    def search(begin: Values, most: int, starts: int = 1) -> Fit:
+    def search(initial: Values, most: int, starts: int = 1) -> Fit:
         return fit_least_squares(
             problem,
-            begin=begin,
+            initial=initial,
             starts=starts,
             seed=seed,
             tolerance=1e-7,
@@ -286,8 +286,8 @@ def _searched(
         )
 
     fit = from_several(
-        begins,
-        lambda begin: search(begin, ENOUGH * (1 + len(begins[0]))),
+        guesses,
+        lambda initial: search(initial, ENOUGH * (1 + len(guesses[0]))),
         lambda kept: [followed(one, lambda one=one: search(one.values, max_evaluations)) for one in kept],
         less,
     )

@@ -88,10 +88,10 @@ def ladder(
     variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
     found, flat = [], FLAT * bound(len(fit.parameters))
     for side in (-1, 1):
-        begin, rejected, last = fit, 0, math.inf
+        initial, rejected, last = fit, 0, math.inf
         for rung in range(1, RUNGS + 1):
             value = fit.values[name] * RUNG ** (side * rung)
-            one = _fixed(begin, name, value, parameters, described, ROUGHLY)
+            one = _fixed(initial, name, value, parameters, described, ROUGHLY)
             if one is None:
                 break
             found.append(one)
@@ -99,7 +99,7 @@ def ladder(
             rejected = 0 if still_fits(excess, len(fit.parameters)) else rejected + 1
             if rejected > 1 or (side > 0 and abs(excess - last) < flat):
                 break
-            begin, last = one, excess
+            initial, last = one, excess
     return tuple(found)
 
 
@@ -117,11 +117,11 @@ def _fixed(
     `tolerance` is the relative tolerance of the sum of squares; `parameters` and `described` are as for
     `profile_points`.
     """
-    begin = {**fit.values, name: value}
+    initial = {**fit.values, name: value}
     fixed = [
         q
         if q.fixed or q.tied
-        else q.starting_at(begin[q.name])._replace(
+        else q.starting_at(initial[q.name])._replace(
             fixed=q.name == name, prior=None if q.name == name else q.prior
         )
         for q in parameters

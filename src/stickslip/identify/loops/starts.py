@@ -51,20 +51,20 @@ def loop_starts(
     if not (forces or stiff) or not (force > 0.0 and stroke > 0.0):
         return list(parameters), []
     total = {id(group): sum(p.start for p in group) for group in (forces, stiff) if group}
-    begins = []
+    guesses = []
     for share in YIELDS:
-        begin = {p.name: p.start for p in parameters}
-        begin |= {p.name: force * p.start / total[id(forces)] for p in forces}
-        begin |= {p.name: force / (share * stroke) * p.start / total[id(stiff)] for p in stiff}
-        begins.append(begin)
+        initial = {p.name: p.start for p in parameters}
+        initial |= {p.name: force * p.start / total[id(forces)] for p in forces}
+        initial |= {p.name: force / (share * stroke) * p.start / total[id(stiff)] for p in stiff}
+        guesses.append(initial)
     wide = []
     for p in parameters:
         if p.name not in given and p in (*forces, *stiff):
-            values = [begin[p.name] for begin in begins]
+            values = [initial[p.name] for initial in guesses]
             p = p._replace(lower=min(p.lower, min(values) / REACH), upper=max(p.upper, max(values) * REACH))
         wide.append(p)
     limits = {p.name: (p.lower, p.upper) for p in wide}
-    return wide, [{n: float(np.clip(v, *limits[n])) for n, v in begin.items()} for begin in begins]
+    return wide, [{n: float(np.clip(v, *limits[n])) for n, v in initial.items()} for initial in guesses]
 
 
 def stribeck_starts(
@@ -85,9 +85,9 @@ def stribeck_starts(
         return []
     speed = max(float(np.max(np.abs(np.gradient(r["position"], r["time"])))) for r in recordings)
     ratios = {"stiction_ratio": RATIO, "stiction_force": RATIO * values.get("coulomb_force", np.inf)}
-    begins = []
+    guesses = []
     for share in FALLS:
-        begin = values | {name: x for name, x in ratios.items() if name in limits and np.isfinite(x)}
-        begin["stribeck_velocity"] = share * speed
-        begins.append({n: float(np.clip(begin[n], *limits[n])) for n in limits})
-    return begins
+        initial = values | {name: x for name, x in ratios.items() if name in limits and np.isfinite(x)}
+        initial["stribeck_velocity"] = share * speed
+        guesses.append({n: float(np.clip(initial[n], *limits[n])) for n in limits})
+    return guesses

@@ -193,7 +193,7 @@ def _with_exchanged(problem: Problem, fit: Fit) -> Fit:
             "delay": delay - lag + 1.0 / of_lag,
         }
         if all(limits[name][0] < value < limits[name][1] for name, value in other.items()):
-            ends.append(fit_least_squares(problem, begin={**fit.values, **other}))
+            ends.append(fit_least_squares(problem, initial={**fit.values, **other}))
     return lowest(ends)
 
 

@@ -156,8 +156,8 @@ def identify_conditions(
     together = identify_friction(found, model, free, drive=drives, **{"diagnose": False, **options})
     # Each separate fit needs the free parameters of the common fit, or sums of squares cannot be compared.
     own = [p.name for p in together.parameters if p.name not in free]
-    begin = {n: together.values[n] for n in CHANNEL if n in together.values}
-    settings = {**options, "channel": (), "begin": begin, "diagnose": False}
+    initial = {n: together.values[n] for n in CHANNEL if n in together.values}
+    settings = {**options, "channel": (), "initial": initial, "diagnose": False}
     fits = []
     for value in at:
         chosen = [i for i, one in enumerate(known) if one == value]

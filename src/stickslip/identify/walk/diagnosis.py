@@ -278,8 +278,8 @@ def _fitted(fit: Fit, walks: Walks, one: Scored, afar: Afar | None) -> Fit | Non
         more = replace(walks, ties=Ties([*free, *kept]))
         if afar is not None:
             return afar(more, free, bounds)
-        begins = [{p.name: p.start for p in free}, _ahead(own, one.does.moves) | _starts(new)]
-        return from_points(more, free, begins, [p.name for p in free], EVALUATIONS)
+        guesses = [{p.name: p.start for p in free}, _ahead(own, one.does.moves) | _starts(new)]
+        return from_points(more, free, guesses, [p.name for p in free], EVALUATIONS)
     except (FitError, QuantityError, ArithmeticError):
         return None
 

@@ -91,9 +91,9 @@ def explained(
             scatter is an uncertainty too. With neither, the stage is taken as exact.
         options: further arguments of `identify_friction`.
     """
-    begin = {name: fit.values[name] for name in CHANNEL if name in fit.values}
-    free = [*free, *(name for name in begin if name not in free)]
-    settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
+    initial = {name: fit.values[name] for name in CHANNEL if name in fit.values}
+    free = [*free, *(name for name in initial if name not in free)]
+    settings: dict[str, Any] = {"drive": drives, "channel": (), "initial": initial, "correlated": False}
     settings["diagnose"] = False
     # Only residuals are compared, so a search may end within a tenth of a standard error of the minimum,
     # which changes chi-squared by a hundredth.
@@ -106,7 +106,7 @@ def explained(
     if not more:
         return Explained(loose, loose, loose.lack)
     ahead = _ahead(loose, {name: getattr(fit.model, name) for name in more})
-    at: dict[str, Any] = {**settings, "begin": {name: ahead.get(name, begin[name]) for name in begin}}
+    at: dict[str, Any] = {**settings, "initial": {name: ahead.get(name, initial[name]) for name in initial}}
     start = with_values(fit.model, own_values(ahead))
     known = identify_friction(walks, start, free, hops=0, **at)
     if (
@@ -119,7 +119,7 @@ def explained(
         ]
         known = min(known, *others, key=lambda one: one.cost)
     if known.cost < loose.cost:  # more free values cannot fit worse, so that search ended in a local minimum
-        settings["begin"] = begin | {name: known.values[name] for name in begin}
+        settings["initial"] = initial | {name: known.values[name] for name in initial}
         loose = identify_friction(walks, known.model, [*free, *more], hops=0, **settings)
     allowed = _allowed(known, walks, drives, slew_rate, stage, stages, loose.rmse)
     together = left_over(TOGETHER, allowed, np.concatenate(loose.residuals), len(more), len(loose.parameters))
@@ -178,9 +178,9 @@ def diagnosed_together(
         options: further arguments of `identify_friction`.
     """
     known = found.known
-    begin = {name: known.values[name] for name in CHANNEL if name in known.values}
-    free = [*free, *(name for name in begin if name not in free)]
-    settings: dict[str, Any] = {"channel": (), "begin": begin, "correlated": False, "averaged": False}
+    initial = {name: known.values[name] for name in CHANNEL if name in known.values}
+    free = [*free, *(name for name in initial if name not in free)]
+    settings: dict[str, Any] = {"channel": (), "initial": initial, "correlated": False, "averaged": False}
     settings |= {"settled": NEAR, "tied": known.tied, "hops": 0, **options}
     return identify_friction(walks, known.model, free, drive=drives, **settings)
 

@@ -46,7 +46,7 @@ from ..scales import with_scales
 from .diagnosis import diagnosed
 from .displacement import Displacement, has_slopes
 from .first_guess import early_samples
-from .guesses import PARTS, from_guesses, guesses, longest
+from .guesses import PARTS, from_guesses, initial_guesses, longest
 from .needed import freed, freed_near, said_free, said_kept
 from .phases import with_other_phases
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
@@ -73,7 +73,7 @@ def identify_friction(
     priors: Bounds | None = None,
     tied: Mapping[str, str] | None = None,
     channel: Sequence[str] | None = None,
-    begin: Values | None = None,
+    initial: Values | None = None,
     noise: float | str | xr.Dataset | None = None,
     starts: int = 1,
     hops: int = 6,
@@ -129,7 +129,7 @@ def identify_friction(
         channel: names of the free parameters of the position channel, "delay" and "offset"; () for neither.
             By default those that the recordings show: an offset at rest, or a parameter that lowers the sum
             of squares by more than noise does; `remarks` of the fit name them.
-        begin: initial values of "delay" and "offset" by name, SI; by default the delay of the fit `stage`,
+        initial: initial values of "delay" and "offset" by name, SI; by default the delay of the fit `stage`,
             or 0.
         noise: standard deviation of the position, m (rad); by default estimated from the residuals. Or a
             recording of the channel at rest: then only its drift is used, which a short walk does not show;
@@ -179,7 +179,7 @@ def identify_friction(
     tolerance = optional_si(tolerance, unit or "m", "tolerance")
     check_motion(model, unit)
     names, (found, drives) = names_of(found), taken_drives(found, drive, slew_rate)
-    first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
+    first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (initial or {})
     along = coordinate_of(unit)
     of_chain = {"delay": (first.get("delay", 0.0), "s"), "offset": (first.get("offset", 0.0), unit)}
     known = known_of(model, of_chain, along)
@@ -319,17 +319,17 @@ def _searched(
 ) -> Fit:
     """Return the best fit of searches from the user's initial guess and, if `hops` is above 0, from guesses
     by simulation and at other stiffnesses. `starts` is the number of guesses, the further ones random."""
-    own, begins = parameters, [{p.name: p.start for p in parameters}]
+    own, guesses = parameters, [{p.name: p.start for p in parameters}]
     walk = longest(walks)
     if hops:
-        parameters, found = guesses(walks, own, bounds, early_samples(walk.time, walk.waveform))
-        begins += found
-    fit = from_points(walks, parameters, begins, bounds, max_evaluations)
+        parameters, found = initial_guesses(walks, own, bounds, early_samples(walk.time, walk.waveform))
+        guesses += found
+    fit = from_points(walks, parameters, guesses, bounds, max_evaluations)
     if walks.budget.over:
         return fit
     if hops and not (_white(fit) and not any(one.seen for one in fit.lack)):
         # The first periods of a walk may not distinguish local minima, so these guesses use all its samples.
-        parameters, found = guesses(walks, own, bounds, walk.time.size, PARTS)
+        parameters, found = initial_guesses(walks, own, bounds, walk.time.size, PARTS)
         fit = lowest([fit, from_points(walks, parameters, found, bounds, max_evaluations)])
     if walks.budget.over:
         return fit
@@ -349,8 +349,8 @@ def _near(
     given = {p.name: p.start for p in parameters}
     own = [p.starting_at(given[p.name])._replace(power=0) for p in fit.parameters if p.name in given]
     there = [fit.values, *(m.values for m in fit.minima)]
-    begins = [given, *({name: one[name] for name in given} for one in there)]
-    return from_points(walks, own, begins, bounds, max_evaluations)
+    guesses = [given, *({name: one[name] for name in given} for one in there)]
+    return from_points(walks, own, guesses, bounds, max_evaluations)
 
 
 def _white(fit: Fit) -> bool:

@@ -29,7 +29,7 @@ def longest(walks: Walks) -> Displacement:
     return walks.motions[int(np.argmax([np.ptp(position) for position in walks.measured]))]
 
 
-def guesses(
+def initial_guesses(
     walks: Walks, parameters: list[Parameter], bounds: Bounds, samples: int, parts: int = 1
 ) -> tuple[list[Parameter], list[Values]]:
     """Return parameters with wide bounds, and initial guesses (values by name, SI, the best first) by
@@ -59,7 +59,7 @@ def _guessed(
     bounds: Bounds,
     parts: int,
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return parameters with wide bounds, and initial guesses, as `guesses` does, from the simulation `short`
+    """Return parameters with wide bounds, and initial guesses, as `initial_guesses` does, from the simulation `short`
     of one recording's first samples and its `measured` positions, m (rad)."""
     varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
     residuals = Residuals(
@@ -76,6 +76,6 @@ def _guessed(
 def from_guesses(walks: Walks, parameters: list[Parameter], bounds: Bounds, max_evaluations: int) -> Fit:
     """Return the best fit of searches from the values in `parameters` and from guesses by all samples of the
     walk with the largest motion, without hops. `bounds` are the user's bounds by name."""
-    wide, found = guesses(walks, parameters, bounds, longest(walks).time.size, PARTS)
-    begins = [{p.name: p.start for p in parameters}, *found]
-    return from_points(walks, wide, begins, bounds, max_evaluations)
+    wide, found = initial_guesses(walks, parameters, bounds, longest(walks).time.size, PARTS)
+    points = [{p.name: p.start for p in parameters}, *found]
+    return from_points(walks, wide, points, bounds, max_evaluations)

@@ -88,15 +88,15 @@ def profile_interval(
     q = p.coordinate(best.values[name])
     reach = deviation if 0.0 < deviation < math.inf else 0.1 * abs(q)
 
-    def distance(at: float, begin: Fit) -> tuple[float, Fit]:
+    def distance(at: float, initial: Fit) -> tuple[float, Fit]:
         """Return the distance (>= 0) of a fixed value from the best fit, in standard errors by the increase
-        of the cost, and the fit with this value. `at` is the coordinate q of the value; the fit `begin` gives
+        of the cost, and the fit with this value. `at` is the coordinate q of the value; the fit `initial` gives
         the initial guess of the others."""
         held = [
             one._replace(start=p.value(at), fixed=True, prior=None) if one.name == name else one
             for one in own
         ]
-        moved = _again(begin, recordings, held, begin.values, settings)
+        moved = _again(initial, recordings, held, initial.values, settings)
         cost = moved.cost + p.prior_cost(at)
         return math.sqrt(max(cost - best.cost, 0.0) / unit), moved
 
@@ -134,16 +134,16 @@ def _end(q: float, side: float, reach: float, bound: float, t: float, distance: 
         fit: best fit.
     """
     inner, d_inner, outer, d_outer = q, 0.0, math.nan, math.nan
-    at, begin = q + side * t * reach, fit
+    at, initial = q + side * t * reach, fit
     for _ in range(MOST_STEPS):
         at = max(at, bound) if side < 0 else min(at, bound)
-        d, moved = distance(at, begin)
+        d, moved = distance(at, initial)
         if abs(d - t) < NEAR * t:
             return at
         if d > t:
             outer, d_outer = at, d
         else:
-            inner, d_inner, begin = at, d, moved
+            inner, d_inner, initial = at, d, moved
             if at == bound:
                 return bound
         if math.isnan(outer):
@@ -155,14 +155,14 @@ def _end(q: float, side: float, reach: float, bound: float, t: float, distance: 
 
 
 def _again(
-    fit: Fit, recordings: Any, parameters: Sequence[Parameter], begin: Values, settings: dict[str, Any]
+    fit: Fit, recordings: Any, parameters: Sequence[Parameter], initial: Values, settings: dict[str, Any]
 ) -> Fit:
     """Return a new fit of `parameters` to the recordings by `identify_friction`, with the model of `fit`, the
-    initial values `begin` (by name, SI) and further arguments `settings`. Raises FitError if `fit` has no
+    initial values `initial` (by name, SI) and further arguments `settings`. Raises FitError if `fit` has no
     actuator."""
     if not isinstance(fit.model, Actuator):
         raise FitError("profile and bootstrap need the fit of an actuator by identify_friction")
-    free = [p if p.fixed or p.tied else p.starting_at(begin[p.name]) for p in parameters]
+    free = [p if p.fixed or p.tied else p.starting_at(initial[p.name]) for p in parameters]
     return identify_friction(recordings, fit.model, free, **settings)
 
 
@@ -172,7 +172,7 @@ def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
     if fit.noise_known and not fit.noise:
         raise FitError("the fit does not say what noise it was given: make it again")
     predictor, told = getattr(fit.predict, "__self__", None), options.get("noise")
-    own: dict[str, Any] = {"bounds": None, "priors": None, "tied": None, "begin": None, "channel": ()}
+    own: dict[str, Any] = {"bounds": None, "priors": None, "tied": None, "initial": None, "channel": ()}
     own |= {"starts": 1, "hops": 0, "stage": None, "correlated": False, "diagnose": False}
     own |= {"noise": fit.noise[0] if fit.noise else told if isinstance(told, xr.Dataset) else None}
     own |= {"loss": fit.loss, "loss_scale": fit.loss_scale}
@@ -243,8 +243,8 @@ def _resampled(r: NDArray[np.float64], random: np.random.Generator) -> NDArray[n
     """Return n residuals that consist of randomly chosen blocks of the residuals r [n]; the block length is
     n^(1/3), a usual rule, and at least 2."""
     length = max(2, round(r.size ** (1 / 3)))
-    begins = random.integers(0, r.size - length, -(-r.size // length))
-    return np.concatenate([r[b : b + length] for b in begins])[: r.size]
+    firsts = random.integers(0, r.size - length, -(-r.size // length))
+    return np.concatenate([r[b : b + length] for b in firsts])[: r.size]
 
 
 def prediction_band(

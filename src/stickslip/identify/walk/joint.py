@@ -138,10 +138,10 @@ def jointly(
     kept = stage_beside(stage, fit)
     known = _Known([stage.parameters[i] for i in kept], stage, kept)
     parameters = [*fit.parameters, *known.parameters()]
-    begin, drift = {**fit.values, **known.values}, max(one.drift for one in fit.known)
+    initial, drift = {**fit.values, **known.values}, max(one.drift for one in fit.known)
     weighted = _Weighted(motions, measured, names, fit, parameters, known, Weight(fit.rmse, 0.0))
     weighted = weighted.weighed(weighted.narrowed(fit.residuals), drift)
-    near = weighted.search(begin)
+    near = weighted.search(initial)
     weighted = weighted.weighed(weighted.narrowed(weighted.left(near.values)), drift)
     own = {p.name: value_of(start, p.name)[0] for p in fit.parameters if p.name not in CHANNEL}
     spread = _spread(near.values) if STIFFNESS in own else []
@@ -285,21 +285,21 @@ class _Weighted:
             exchangeable=self.exchangeable,
         )
 
-    def search(self, begin: Values, hops: int = 0, most: int = MOST_EVALUATIONS) -> Fit:
-        parameters = [p.starting_at(begin[p.name]) for p in self.parameters]
+    def search(self, initial: Values, hops: int = 0, most: int = MOST_EVALUATIONS) -> Fit:
+        parameters = [p.starting_at(initial[p.name]) for p in self.parameters]
         return fit_least_squares(self.problem(parameters), hops=hops, settled=SETTLED, max_evaluations=most)
 
-    def lowest(self, begins: Sequence[Values], hops: int) -> Fit:
+    def lowest(self, guesses: Sequence[Values], hops: int) -> Fit:
         """Return the best fit of searches from all initial guesses, continued with `hops` attempts to leave
         its minimum.
 
         The model must be able to simulate the first guess; others that fail are skipped. Short searches from
         many guesses are cheap; hops are expensive, but find minima that no guess leads to.
         """
-        ends = [self.search(begins[0])]
-        for begin in begins[1:]:
+        ends = [self.search(guesses[0])]
+        for initial in guesses[1:]:
             with suppress(FitError):  # some initial guesses have no simulation
-                ends.append(self.search(begin, most=OF_SPREAD))
+                ends.append(self.search(initial, most=OF_SPREAD))
         found = lowest(ends)
         if hops or not found.converged:
             found = lowest([found, self.search(found.values, hops)])
@@ -327,14 +327,14 @@ class _Weighted:
         other.weight = Weight.of(left, drift)
         return other
 
-    def hold(self, name: str, value: float, begin: Values) -> tuple[Fit, Fit]:
+    def hold(self, name: str, value: float, initial: Values) -> tuple[Fit, Fit]:
         """Return the fit of all other parameters with the named one fixed at `value`, twice.
 
         `integrated` expects fits without and with the uncertainty of known values. Here the stage's values
         are fitted, so both are the same.
         """
         held = [
-            p._replace(start=value, fixed=True) if p.name == name else p.starting_at(begin[p.name])
+            p._replace(start=value, fixed=True) if p.name == name else p.starting_at(initial[p.name])
             for p in self.parameters
         ]
         alone = fit_least_squares(self.problem(held), settled=NEAR, max_evaluations=MOST_EVALUATIONS)

@@ -68,7 +68,7 @@ def warn_of_unseen_slips(recording: xr.Dataset, model: Actuator, where: str) -> 
 
 
 def of_channel(
-    name: str, recordings: Sequence[xr.Dataset], bounds: Bounds, begin: Mapping[str, float]
+    name: str, recordings: Sequence[xr.Dataset], bounds: Bounds, initial: Mapping[str, float]
 ) -> Parameter:
     """Return "delay" [s] or "offset" [m or rad] as one fit parameter of all recordings.
 
@@ -76,11 +76,11 @@ def of_channel(
         name: "delay" or "offset".
         recordings: recordings of walks, which give the default bounds.
         bounds: the user's bounds by name.
-        begin: initial values by name, SI; 0 if the name is missing.
+        initial: initial values by name, SI; 0 if the name is missing.
     """
     if name == "delay":
         reach = LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in recordings)
-        return linear(name, "s", begin.get(name, 0.0), (-reach, reach), bounds)
+        return linear(name, "s", initial.get(name, 0.0), (-reach, reach), bounds)
     positions = [r[OBSERVED].values for r in recordings]
     reach = max(float(np.ptp(x) + abs(x[0])) for x in positions)
-    return linear(name, unit_of(recordings, OBSERVED), begin.get(name, 0.0), (-reach, reach), bounds)
+    return linear(name, unit_of(recordings, OBSERVED), initial.get(name, 0.0), (-reach, reach), bounds)

@@ -28,7 +28,7 @@ MAX_FALL = 20.0
 def from_points(
     walks: Walks,
     parameters: Sequence[Parameter],
-    begins: Sequence[Values],
+    guesses: Sequence[Values],
     given: Container[str],
     max_evaluations: int,
 ) -> Fit:
@@ -38,16 +38,16 @@ def from_points(
     Args:
         walks: recordings to describe.
         parameters: parameters with bounds wide enough for all guesses.
-        begins: initial guesses (values by name, SI), the user's first.
+        guesses: initial guesses (values by name, SI), the user's first.
         given: names whose bounds are the user's; the other bounds are set about the ends of the searches.
         max_evaluations: largest number of evaluations of each search.
     """
     looked: list[Fit] = []
 
-    def look(begin: Values) -> Fit:
+    def look(initial: Values) -> Fit:
         if looked and walks.budget.over:
             raise FitError(walks.budget.said)
-        there = [p.starting_at(begin[p.name]) for p in parameters]
+        there = [p.starting_at(initial[p.name]) for p in parameters]
         looked.append(walks.searched(there, max_evaluations=min(ENOUGH, max_evaluations)))
         return looked[-1]
 
@@ -71,7 +71,7 @@ def from_points(
             found = [end(fit, not (_lost(fit) and likely(fit, best))) for fit in found]
         return [replace(fit, parameters=tuple(straightened(within, fit.values))) for fit in found]
 
-    return from_several(begins, look, ends)
+    return from_several(guesses, look, ends)
 
 
 def _lost(fit: Fit) -> bool:

@@ -140,7 +140,7 @@ class Walks:
         return float(sum(r @ r for r in parts)) / (self.noise or 1.0) ** 2
 
     def hold(
-        self, name: str, parameters: Sequence[Parameter], most: int, value: float, begin: Values
+        self, name: str, parameters: Sequence[Parameter], most: int, value: float, initial: Values
     ) -> tuple[Fit, Fit]:
         """Return the fit of all other parameters with the named one fixed at `value`, twice: without and with
         the uncertainty from the stage.
@@ -150,10 +150,10 @@ class Walks:
             parameters: all free parameters, including the named one.
             most: largest number of evaluations with derivatives.
             value: value of the fixed parameter, SI.
-            begin: initial guess of the others by name, SI.
+            initial: initial guess of the others by name, SI.
         """
         fixed = [
-            p._replace(start=value, fixed=True) if p.name == name else p.starting_at(begin[p.name])
+            p._replace(start=value, fixed=True) if p.name == name else p.starting_at(initial[p.name])
             for p in parameters
         ]
         alone = self._with_noise(self.searched(fixed, max_evaluations=most, settled=NEAR))

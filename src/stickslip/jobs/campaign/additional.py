@@ -153,7 +153,7 @@ def _choice(
         model,
         named(candidates_of(model), file.model_choice, folder=folder),
         unseen_drive=[one.drive for one in of.unseen],
-        begin={"delay": delay},
+        initial={"delay": delay},
         bounds={"delay": (0.0, _LONGEST_DELAY * delay)} if delay > 0.0 else None,
         hops=0,
         max_evaluations=_EVALUATIONS,

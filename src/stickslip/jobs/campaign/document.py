@@ -70,7 +70,7 @@ def campaign_document(
         "features": feature_numbers(found.features),
         "signal_chain": chain_numbers(found.chain),
         "recordings": {
-            one.name: {"begin": Number(one.begin, "s"), "noise": Number(one.noise, "m")}
+            one.name: {"start": Number(one.begin, "s"), "noise": Number(one.noise, "m")}
             for one in found.gathered
         },
         "published_r_squared": {name: Number(value, "") for name, value in file.published.items()},
@@ -161,8 +161,8 @@ def _set_up(file: CampaignFile, found: CampaignResult, recorded: Sequence[Record
     if processing:
         said.append(f"The recordings: {processing}.")
     said.append(
-        "Each begins where its drive_voltage matches the drive that was wanted; what lies more than "
-        "5 % of the drive's duration behind its end is left out. The mean before the begin is taken off."
+        "Each starts where its drive_voltage matches the drive that was wanted; what lies more than "
+        "5 % of the drive's duration behind its end is left out. The mean before the start is subtracted."
     )
     of_walks = (*said_drives(found.walks), *said_to_drift(found.walks))
     said += [f"{text[0].upper()}{text[1:]}." for text in of_walks]
@@ -171,7 +171,7 @@ def _set_up(file: CampaignFile, found: CampaignResult, recorded: Sequence[Record
         paragraphs=said,
         tables=(
             Table(
-                "Recordings; the noise is the scatter (one standard deviation) before the drive begins.",
+                "Recordings; the noise is the scatter (one standard deviation) before the drive starts.",
                 (
                     Column("recording"),
                     Column("used for"),
@@ -179,7 +179,7 @@ def _set_up(file: CampaignFile, found: CampaignResult, recorded: Sequence[Record
                     Column("samples", "", 6),
                     Column("interval", "s", 3),
                     Column("length", "s", 3),
-                    Column("begin", "s", 5),
+                    Column("start", "s", 5),
                     Column("noise", "m", 3),
                 ),
                 rows,
@@ -344,7 +344,7 @@ def _verification(file: CampaignFile, found: CampaignResult, bands: Bands | None
                 "Measured and predicted walks.",
                 columns,
                 rows,
-                notes="r² = (SST − SSE)/SST. The noise before the drive begins "
+                notes="r² = (SST − SSE)/SST. The noise before the drive starts "
                 "allows no more than the r² beside it, and the less the smaller the walk.",
             ),
         ),

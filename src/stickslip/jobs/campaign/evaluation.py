@@ -301,7 +301,7 @@ def _friction(
         model,
         [*file.free, "delay", "offset"],
         drive=[one.drive for one in fitted],
-        begin=None if stage is None else {"delay": stage.values["delay"]},
+        initial=None if stage is None else {"delay": stage.values["delay"]},
         bounds=file.bounds,
         priors=file.priors,
         slew_rate=file.known_slew_rate,
