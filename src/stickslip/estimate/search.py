@@ -209,8 +209,8 @@ class SearchResults:
             raise _OutOfBudget(problem.budget.said)
 
     def _improved(self, guesses: Sequence[Array]) -> bool:
-        """Search briefly (`LOOK` steps) from each of the coordinates `guesses`. If the lowest end is below the
-        best one so far, continue from it and return True; otherwise return False."""
+        """Search briefly (`LOOK` steps) from each of the coordinates `guesses`. If the lowest end is below
+        the best one so far, continue from it and return True; otherwise return False."""
         starts, lowest = self.options.starts, self.best.cost
         looks = [self.search(starts, q, LOOK) for q in guesses]
         look = min(looks, key=lambda end: end.cost, default=None)

@@ -59,8 +59,8 @@ def _guessed(
     bounds: Bounds,
     parts: int,
 ) -> tuple[list[Parameter], list[Values]]:
-    """Return parameters with wide bounds, and initial guesses, as `initial_guesses` does, from the simulation `short`
-    of one recording's first samples and its `measured` positions, m (rad)."""
+    """Return parameters with wide bounds, and initial guesses, as `initial_guesses` does, from the simulation
+    `short` of one recording's first samples and its `measured` positions, m (rad)."""
     varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
     residuals = Residuals(
         lambda v: observed(short, varied, v) - position, position, walks.noise, name, walks.unit

@@ -90,8 +90,8 @@ def profile_interval(
 
     def distance(at: float, initial: Fit) -> tuple[float, Fit]:
         """Return the distance (>= 0) of a fixed value from the best fit, in standard errors by the increase
-        of the cost, and the fit with this value. `at` is the coordinate q of the value; the fit `initial` gives
-        the initial guess of the others."""
+        of the cost, and the fit with this value. `at` is the coordinate q of the value; the fit `initial`
+        gives the initial guess of the others."""
         held = [
             one._replace(start=p.value(at), fixed=True, prior=None) if one.name == name else one
             for one in own
