@@ -348,8 +348,9 @@ def _greatest(
     loops: list[Loop],
     requirement: MarginRequirement,
 ) -> float:
-    """Return the largest integral gain, V/(m s), with which a regulator with these filters keeps the margins
-    for all loops; 0 if no gain does. `rate` is the update rate, Hz; `model` gives the largest gain to try."""
+    """Return the largest integral gain, V/(m s), with which a regulator with the filters `notches` and
+    `low_pass` keeps the margins of `requirement` for all loops; 0 if no gain does. `rate` is the update rate,
+    Hz; `model` gives the largest gain to try."""
     unit = Regulator(Pid(1.0), rate, notches=notches, low_pass=low_pass)
     opened = [OpenLoop.of(unit, loop) for loop in loops]
     low, high = 0.0, 2.0 * math.pi * 0.1 * rate / model.gain
@@ -363,8 +364,8 @@ def _greatest(
 
 
 def _keeps(opened: OpenLoop, gain: float, requirement: MarginRequirement) -> bool:
-    """Return True if the loop is stable and keeps the margins when the regulator's gain is multiplied by
-    `gain`.
+    """Return True if the loop `opened` is stable and keeps the margins of `requirement` when the regulator's
+    gain is multiplied by `gain`.
 
     The margins at the computed frequencies are tested first: they exclude most gains without the expensive
     test of stability.

@@ -245,10 +245,8 @@ def _given(begin: Start, samples: Mapping[str, Any]) -> list[Values]:
 
 def _drawn(begin: Start, fit: Fit, count: int, seed: int) -> list[Values]:
     """Return `count` draws, at most `MOST_DRAWS`, from the normal distribution of a fit's coordinates:
-    parameter values by name, SI, clipped at the fit's bounds.
-
-    Coordinates without a finite variance keep the estimate.
-    """
+    parameter values by name, SI, clipped at the fit's bounds. Coordinates without a finite variance keep the
+    estimate. `seed` is that of the random numbers; `begin` is not used."""
     spread = fit.uncertainty.covariance
     sure = np.isfinite(np.diag(spread))
     random = np.random.default_rng(seed)

@@ -58,8 +58,8 @@ def pooled_rmse(parts: Sequence[Goodness]) -> float:
 def goodness(
     residuals: ArrayLike, measured: ArrayLike | None = None, name: str = "", unit: str = ""
 ) -> Goodness:
-    """Return the `Goodness` of residuals (model minus measured); both arrays have the shape (n,). Without
-    measured values, r^2 is NaN."""
+    """Return the `Goodness` of residuals (model minus measured) of the recording `name`; both arrays have the
+    shape (n,), in `unit`. Without measured values, r^2 is NaN."""
     r = np.asarray(residuals, dtype=float)
     y = np.full(r.size, math.nan) if measured is None else np.asarray(measured, dtype=float)
     sst = float(np.sum((y - y.mean()) ** 2))

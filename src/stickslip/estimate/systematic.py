@@ -84,9 +84,9 @@ def intervals_with_systematics(
 
 
 def systematic_numbers(fit: Fit, level: float = 0.95) -> dict[str, dict[str, Interval]]:
-    """Return for each parameter, by name, a dictionary of two intervals (lower and upper end, in its unit):
-    `systematic` (systematic errors alone) and `both` (with statistical errors). Without systematic errors,
-    the result is empty."""
+    """Return for each parameter of the fit, by name, a dictionary of two intervals of the probability `level`
+    (lower and upper end, in its unit): `systematic` (systematic errors alone) and `both` (with statistical
+    errors). Without systematic errors, the result is empty."""
     errors, both = systematic_errors(fit), intervals_with_systematics(fit, level)
     t, found = reach(level, None), {}
     for p in fit.shown if errors else ():

@@ -12,10 +12,11 @@ from ..simulation.models import stage_mode
 
 
 def modes_c(made: Translation, model: Any) -> list[str]:
-    """Return C lines of a stage's modes after the first one.
+    """Return C lines of the vibration modes after the first one of the stage of `model`.
 
     They are the macro STICKSLIP_FURTHER, the number of these modes, and, if there are any, two functions of a
-    mode's index. These return its record ss_Mode, and its acceleration per unit of the contact's force.
+    mode's index, translated by `made`. These return its record ss_Mode, and its acceleration per unit of the
+    contact's force.
     """
     modes = getattr(model, "further_modes", None)
     count = 0 if modes is None else len(modes.gain)

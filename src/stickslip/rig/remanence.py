@@ -134,7 +134,8 @@ def left_by(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> Remanen
 
 
 def _after_plays(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> tuple[Drive, Array]:
-    """Return the drive after the hysteresis, V, up to `end` [s], and the outputs of the plays then [n], V."""
+    """Return the drive after the hysteresis of the piezo, V, up to `end` [s], and the outputs of the plays
+    then [n], V. The plays start with the outputs in `state`."""
     if piezo.hysteresis is None:
         return drive, state.plays
     operators, plays, level = piezo.hysteresis.operators, state.plays.copy(), np.empty(1)

@@ -273,8 +273,8 @@ def _tables(
     end: float | None,
     periodic: bool,
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
-    """Return the drive tables of the valid members, the index of each one's table, and the end of its run [s]
-    (0, NaN if refused, but for a jump). A drive too long, not periodic or with jumps gets a reason."""
+    """Return the drive tables of valid members; for each member its table's index (0 if refused), and the
+    run's end [s] (NaN if refused). Refusals are put into `reasons`; one for a jump leaves table and end."""
     rows = [of.waveform for of in driven]
     for m, row in enumerate(rows):
         if not reasons[m]:

@@ -113,8 +113,8 @@ class Prescribed(NamedTuple):
 
 
 def _apart(one: Prescribed, other: Prescribed) -> float:
-    """Return the largest difference of the states between two runs at the same sample, m; NaN if a run does
-    not reach the end."""
+    """Return the largest difference of the states between the runs `one` and `other` at the same sample, m;
+    NaN if a run does not reach the end."""
     return float(np.max(np.abs(one.states - other.states)))
 
 

@@ -379,7 +379,8 @@ def _numbers(folder: Path) -> list[int]:
 
 
 def _chunk(name: str, store: Path, file: str, size: int | None) -> bytes:
-    """Read the chunk `file` as `read_chunk` does; the message of a ChunkError names the variable `name`."""
+    """Read the chunk `file` of the folder `store` as `read_chunk` does, with the required `size` [bytes]; the
+    message of a ChunkError names the variable `name`."""
     try:
         return read_chunk(store, file, size)
     except ChunkError as error:

@@ -105,8 +105,8 @@ def left_over(fit: Fit, measured: Sequence[Array], inexact: Sequence[float]) -> 
 
 
 def _explained(fit: Fit, one: Slope) -> float:
-    """Return the share, 0 to 1, of the residual sum of squares that a further free term would explain,
-    linearised; 0 without residuals."""
+    """Return the share, 0 to 1, of the residual sum of squares of a fit that the further free term `one`
+    would explain, linearised; 0 without residuals."""
     left = sum(float(r @ r) for r in _with(fit, one).residuals)
     whole = sum(float(r @ r) for r in fit.residuals)
     return 1.0 - left / whole if whole > 0.0 else 0.0
@@ -136,7 +136,8 @@ def _said_viscous(fit: Fit, model: Any, viscous: Slope, share: float) -> str:
 
 
 def _said(fit: Fit, one: Slope) -> str:
-    """Return a sentence with the linearised size of a term of the channel that would explain residuals."""
+    """Return a sentence with the linearised size of `one`, a term of the channel that would explain residuals
+    of the fit."""
     found = step(fit, one.by)
     unit = fit.recordings[0].unit
     percent = abs(100.0 * found / one.reach)

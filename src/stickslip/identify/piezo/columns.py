@@ -231,8 +231,8 @@ def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
 
 
 def columns(observed: Observed, timing: DelayAndLag, grid: PlayGrid) -> Columns:
-    """Return the columns of the linear model for a recording: the responses of each play and of the square
-    to its drive, with the given delay and lag, and the creep of each."""
+    """Return the columns of the linear model for the recording `observed`: the responses of each play of the
+    `grid` and of the square to its drive, with the given delay and lag, and the creep of each."""
     way = observed.way
     u = np.append(way, at_piezo(observed, timing))
     plays = grid.plays

@@ -96,14 +96,16 @@ def solved(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid)
 
 def residuals(parts: Sequence[Columns], positions: Sequence[Array], found: Solution) -> Array:
     """Return the residuals (measured minus model) of the solution `found` at all samples, m, shape (samples
-    of all recordings,)."""
+    of all recordings,). `parts` and `positions` [m] are the columns and the measured positions of each
+    recording."""
     rows = zip(parts, positions, found.offsets, strict=True)
     return np.concatenate([y - found.position(c) - offset for c, y, offset in rows])
 
 
 def held_out(parts: Sequence[Columns], positions: Sequence[Array], grid: PlayGrid, folds: int) -> Array:
     """Return the mean square prediction error, m², of each fold (one of `folds` equal parts of a recording)
-    by a fit to all other folds, shape (recordings times folds,)."""
+    by a fit to all other folds, shape (recordings times folds,). `parts` and `positions` [m] are the columns,
+    made with `grid`, and the measured positions of each recording."""
     creeping = bool(grid.times.size)
     blocks = []
     for i, (c, y) in enumerate(zip(parts, [y - y.mean() for y in positions], strict=True)):
@@ -143,8 +145,9 @@ def _normal(rows: Array, y: Array) -> _Normal:
 
 
 def _solved(of: _Normal, grid: PlayGrid, creeping: bool) -> Array:
-    """Return the least-squares coefficients x of the normal equations, with those of plays and creep not
-    negative: weights [m/V], curvature [m/V²], creep times gain [m/V], offsets [m]."""
+    """Return the least-squares coefficients x of the normal equations `of` for the plays of `grid`, with
+    those of plays and creep not negative: weights [m/V], curvature [m/V²], creep times gain [m/V] (only if
+    `creeping`), offsets [m]."""
     plays, bent = grid.thresholds.size, int(grid.zones.size > 0)
     k = plays + bent + int(creeping)
     free = np.ones(of.b.size, dtype=bool)

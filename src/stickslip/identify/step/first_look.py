@@ -70,8 +70,8 @@ Response = Callable[[StepTest, Look], Array]
 
 
 def plain(test: StepTest, look: Look) -> Array:
-    """Return the second-order response to the step with a gain of 1, V, shape (n,), without piezo, amplifier
-    and filter."""
+    """Return the second-order response `look` to the step of the recording `test` with a gain of 1, V, shape
+    (n,), without piezo, amplifier and filter."""
     poles = second_order_poles(look.damping_ratio, look.natural_frequency)
     return test.voltage * step_response(test.time - look.delay, poles)
 

@@ -199,7 +199,7 @@ def _with_exchanged(problem: Problem, fit: Fit) -> Fit:
 
 def step_level(values: Values, number: int, since: Array) -> Array:
     """Return the level of the sensor without the step, m, shape (n,): offset and drift of recording `number`
-    (from 1) at times after its step [s]."""
+    (from 1), among the `values` of a fit, at the times `since` [s] after its step."""
     return values[f"offset_{number}"] + values[f"drift_{number}"] * since
 
 

@@ -250,8 +250,9 @@ def scored(fit: Fit, walks: Walks) -> list[Scored]:
 
 
 def _columns(fit: Fit, walks: Walks, beside: Sequence[Values]) -> Array:
-    """Return the changes of the simulated positions, m (rad), for each perturbed model, shape (samples of all
-    recordings, models); `beside` contains the changed values by name, SI, of each model."""
+    """Return the changes of the simulated positions of `walks`, m (rad), for each perturbed model of the fit,
+    shape (samples of all recordings, models); `beside` contains the changed values by name, SI, of each
+    model."""
     delay = fit.values.get("delay", 0.0)
     model = fit.model
     if any(name in NORMAL_FIELDS for values in beside for name in values):

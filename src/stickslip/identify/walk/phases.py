@@ -114,7 +114,7 @@ def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list
 
 
 def _far(one: Fit, other: Fit, stiffnesses: Sequence[str], least: float) -> bool:
-    """Return True if the natural logarithms of the summed stiffnesses (by the given names) of two fits differ
-    by more than `least`."""
+    """Return True if the natural logarithms of the summed stiffnesses (parameters with the given names) of
+    the fits `one` and `other` differ by more than `least`."""
     sums = [sum(fit.values[name] for name in stiffnesses) for fit in (one, other)]
     return abs(math.log(sums[0] / sums[1])) > least

@@ -281,7 +281,8 @@ def own_values(values: Values) -> Values:
 
 def observed(motion: Displacement, varied: Varied, values: Values) -> Array:
     """Return the simulated samples of the position channel, m (rad), shape (n,), for values of the actuator
-    and of the channel (delay, offset) by name, SI; tied values follow."""
+    and of the channel (delay, offset) by name, SI; tied values follow. `motion` simulates the recording, and
+    `varied` is the model with its varied values."""
     values = varied.ties(values)
     return motion.position(varied(values), values.get("delay", 0.0)) + values.get("offset", 0.0)
 
@@ -341,8 +342,8 @@ def position_slopes(motions: Sequence[Displacement], fit: Fit, names: Sequence[s
 
 
 def _difference(motion: Displacement, model: Actuator, delay: float, name: str) -> Array:
-    """Return the derivative of a position by the named value of the model, SI, shape (samples,), as a central
-    difference, for models without exact derivatives."""
+    """Return the derivative of the simulated position `motion`, at this delay [s], by the named value of the
+    model, SI, shape (samples,), as a central difference, for models without exact derivatives."""
     value, _ = value_of(model, name)
     sides = [
         motion.position(with_values(model, {name: value * (1.0 + h)}), delay)

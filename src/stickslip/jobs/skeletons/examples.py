@@ -31,7 +31,8 @@ def example_files(beside: Path, step: bool) -> list[Path]:
 
 
 def write_examples(beside: Path, step: bool) -> list[Path]:
-    """Simulate and write the example recordings of `example_files`; return their paths.
+    """Simulate and write the example recordings of `example_files` for the new file `beside`, with a step if
+    `step`; return their paths.
 
     Existing files would be replaced; the caller must check for them before.
     """

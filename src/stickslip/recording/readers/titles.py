@@ -145,8 +145,12 @@ def _refuse_words(
 
 
 def _said_names(kinds: str, said: HeaderSettings) -> list[FileChannel] | None:
-    """Return the columns with the names in the settings above the data. The result is None unless there is a
-    name for each column, for each numeric column, or for each numeric column except the first."""
+    """Return the columns with the names in the settings `said` above the data; `kinds` has a letter for each
+    column.
+
+    The result is None unless there is a name for each column, for each numeric column, or for each numeric
+    column except the first.
+    """
     numeric = [k for k, kind in enumerate(kinds) if kind in "nd"]
     for places in (list(range(len(kinds))), numeric, numeric[1:]):
         if names := said.names(len(places)):
