@@ -61,9 +61,7 @@ class Kind:
 
     def __init__(self, noun: str, plural: str, *rooms: str) -> None:
         self.noun, self.plural, self._rooms = noun, plural, tuple(f"{_PACKAGE}.{room}" for room in rooms)
-        self._things: dict[
-            str, dict[str, Any]
-        ] = {}  # objects by name, then by the path of their file (or "")
+        self._things: dict[str, dict[str, Any]] = {}  # objects by name and, "" for the package's, by file
         self._called: dict[Any, str] = {}  # registered names of classes that differ from __name__
 
     def add(self, thing: T, name: str = "", maker: Any = None) -> T:
