@@ -304,8 +304,8 @@ class OpenLoop(NamedTuple):
         for pole in [*([1.0] if self.regulator.per_tick else []), *undamped]:
             value = value * (1.0 - pole * later)
         turned = float(np.unwrap(np.angle(value))[-1])
-        # At frequency 0 the value 1 + L must be positive. Otherwise the feedback is positive, and the loop
-        # unstable.
+        # At frequency 0 the value 1 + L, with the loop's response L, must be positive. Otherwise the feedback
+        # is positive, and the loop unstable.
         stroke = float((self.loop.residues / (1.0 - self.loop.poles)).sum().real)
         pid = self.regulator.pid
         begins = stroke if pid.integral else 1.0 + factor * pid.proportional * stroke

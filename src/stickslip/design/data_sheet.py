@@ -121,8 +121,9 @@ class DataSheet(NamedTuple):
                 4,
             )
         if known("stall_force", "step", "capacitance") and swing is not None:
-            # Charging the piezo in one cycle takes C U^2. The step decreases linearly from no load to the
-            # stall force F_0, so the work per step is largest at half of F_0: F_0 step / 4.
+            # Charging the piezo in one cycle takes C U^2 with the capacitance C and the voltage U. The step
+            # decreases linearly from no load to the stall force F_0, so the work per step is largest at half
+            # of F_0: F_0 step / 4.
             put_in, taken = of["capacitance"] * swing**2, 0.25 * of["stall_force"] * of["step"]
             said = f"a step against half of {shown('stall_force')} works {with_prefix(taken, 'J', 3)}"
             yield f"{said}, and the piezo is charged with {with_prefix(put_in, 'J', 3)}", taken / put_in, 4

@@ -45,8 +45,8 @@ Array = NDArray[np.float64]
 # PER_CYCLE: number of samples per period of the fastest vibration, just after the drive has changed its
 # slope. GROWTH: spacing of later samples as a fraction of the time since that change.
 PER_CYCLE, GROWTH = 32.0, 0.02
-# Largest backward change of the static stroke C u between two samples, relative to the range of C u within
-# the period, that counts as a rounding error and not as a backward motion of the drive.
+# Largest backward change of the static stroke C u (gain times voltage) between two samples, relative to its
+# range within the period, that counts as a rounding error and not as a backward motion of the drive.
 STILL = 1e-9
 # Smallest ratio of the drive's fastest backward to its fastest forward speed at which ringing is computed.
 # With a smaller one the fast stroke is along the walk, and no slip precedes a ringing. It is below 1 so that

@@ -297,7 +297,7 @@ def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
     change = (level[3 * m :] - level[: -3 * m]) ** 2
     quiet, moving = change[: n - 4 * m + 1], change[n - 2 * m :]
     usual = max(float(quiet.mean()), 2.0 * noise / m)
-    # Changes that start less than 1.5 m samples apart are not independent.
+    # Changes that start less than 1.5 times m samples apart are not independent (m: samples in a group).
     count = max((n - 3 * m) / (1.5 * m), 1.0)
     return float(scipy.special.fdtrc(1.0, count, float(moving.max()) / usual)) * 1.5 * moving.size / m
 

@@ -217,7 +217,7 @@ class Statistics:
         return stop
 
     def set_alarms(self, alarms: list[Alarm]) -> None:
-        """Replace all alarms, and save them for the next start of the panel.
+        """Replace all alarms, save them for the next start of the panel, and send them to all pages.
 
         Raises QuantityError for a limit with a wrong unit, or an alarm without limits.
         """

@@ -88,7 +88,8 @@ class Studies:
         self._runs: dict[str, _Run] = {}
 
     def begin(self, file: Path, store: Path) -> None:
-        """Start or continue a study, in a process of its own; FolderError if this panel runs it already.
+        """Start or continue a study, in a process of its own with low priority, and log this; FolderError if
+        this panel runs it already.
 
         `file` is the study file, and `store` the folder of its results.
         """

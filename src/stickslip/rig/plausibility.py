@@ -195,7 +195,8 @@ class Plausible:
                 self._edge = None
             if self._edge is None:
                 self._edge, self._steep, change = old, fast, fast
-                # Sliding displacement x - g u, m or rad, while the contact stuck before this change.
+                # Sliding displacement x - g u (position, less stroke per volt times voltage), m or rad, while
+                # the contact stuck before this change.
                 mark, self._mark = self._mark, x - gain * old
                 if self._pending:
                     self._judge(self._mark - mark)

@@ -90,7 +90,8 @@ class ScpiInstrument:
     def check(self, command: str) -> None:
         """Read the error queue until it is empty; raise RigError with the oldest error if there was one.
 
-        `command` is the last command, for the error.
+        `command` is the last command, for the error. After an answer that is no error, RigError is raised
+        too, and all later queries are refused.
         """
         first = ""
         for _ in range(_MOST_ERRORS):

@@ -149,8 +149,9 @@ class VirtualRig:
         self._inputs, self._samples = tuple(inputs), samples
 
     def start(self) -> None:
-        """Start a run: compute all its samples at once; `fetch` then returns them in blocks. RigError before
-        `load` and `arm`, during a run, or if the simulation fails."""
+        """Start a run: compute all its samples at once; `fetch` then returns them in blocks. Also count the
+        run, on which the random variation depends. RigError before `load` and `arm`, during a run, or if the
+        simulation fails."""
         self._forbid_running("start")
         if not self._volts.size or not self._samples:
             raise RigError("start needs a drive (load) and inputs (arm)")

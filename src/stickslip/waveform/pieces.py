@@ -59,8 +59,8 @@ def repeat(
         duration: end of the table, s, finite; later segments are left out.
     """
     one = _table(rest, pieces)
-    # The starts are (k + fraction)/f for period k: rounding errors do not accumulate over the periods, and a
-    # sampling time n/rate that coincides with a start is the same float.
+    # The starts are (k + fraction)/f for period k and the frequency f: rounding errors do not accumulate over
+    # the periods, and a sampling time n/rate that coincides with a start is the same float.
     whole = np.arange(_begun(duration, 1 / frequency, periods))[:, None]
     start = (whole + one.start) / frequency
     return _tiled(one, start, None if periods is None else periods / frequency, duration)
@@ -76,8 +76,9 @@ def repeat_table(one: Drive, period: float, periods: float | None, duration: flo
         duration: end of the table, s, finite; later segments are left out.
     """
     start = np.arange(_begun(duration, period, periods))[:, None] * period + one.start
-    # The starts k T + t are rounded twice. They are made earlier by two units in the last place, so that a
-    # sample at the start of a segment belongs to this segment, and not to the previous one.
+    # The starts k T + t, for period k of length T, are rounded twice. They are made earlier by two units in
+    # the last place, so that a sample at the start of a segment belongs to this segment, and not to the
+    # previous one.
     start[1:] *= 1 - 2.0**-51
     return _tiled(one, start, None if periods is None else periods * period, duration)
 

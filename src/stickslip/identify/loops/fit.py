@@ -63,7 +63,7 @@ from .starts import loop_starts, stribeck_starts
 if TYPE_CHECKING:
     import xarray as xr
 
-# Terms of the equation above (c, a, q) that are reported if they would explain residuals but are not free.
+# Terms (c, a, q of the module's equation) that are reported if they would explain residuals but are not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)  # first search range of the load exponent p
 # Limits of the search (lower, upper) that physics sets: the force does not fall with the load, and friction

@@ -35,8 +35,9 @@ from ..recorded.drives import periodic_part
 from .position_channel import CHANNEL
 
 NAMES = ("coulomb_force", "sigma_0", "sigma_1")
-# Initial guesses: range of the Coulomb force relative to m A omega_n^2 (FORCE), range of the deflection
-# before sliding relative to the stroke A (DEFLECTION), and damping ratio of the contact (DAMPING).
+# Initial guesses: range of the Coulomb force relative to m A omega_n^2 (FORCE; mass m of the end-effector,
+# stroke A and natural frequency omega_n of the stage), range of the deflection before sliding relative to the
+# stroke A (DEFLECTION), and damping ratio of the contact (DAMPING).
 FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
 # Number of drive periods that are used for initial guesses. If they have at most FEWEST samples, the whole
 # recording is used.

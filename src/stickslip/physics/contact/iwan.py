@@ -68,8 +68,8 @@ def maxwell_slip(contact: Mindlin | ExponentialContact, elements: int = 8) -> Ma
     """
     elements = whole(elements, "elements", 1, 1000)
     share = np.arange(1, elements + 1) / elements
-    # The error of linear interpolation is even if the density of the elements over the displacement is
-    # proportional to the square root of k(x).
+    # The error of linear interpolation is even if the density of the elements over the displacement x is
+    # proportional to the square root of the stiffness density k(x).
     if isinstance(contact, Mindlin):
         nodes = contact.presliding_distance * (1.0 - (1.0 - share) ** (4.0 / 3.0))
     else:

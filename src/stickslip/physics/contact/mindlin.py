@@ -102,8 +102,9 @@ class Mindlin(NamedTuple):
         """Return the energy lost per cycle between the tangential forces ± `amplitude` [N], in J: the area of
         the loop."""
         q = float(np.abs(self._share(to_si(amplitude, "N", "amplitude"))))
-        # The area of the loop is proportional to 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)). The factor
-        # q^3 of this expression is taken out, because its terms cancel at small q.
+        # The area of the loop is proportional to 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)) with the ratio
+        # q of the tangential force to the force of full sliding. The factor q^3 of this expression is taken
+        # out, because its terms cancel at small q.
         stuck = math.cbrt(1.0 - q)
         shape = (q / (1.0 + stuck + stuck**2)) ** 3 * (1.0 + 3.0 * stuck + stuck**2)
         return 0.8 * self.slip_force * self.presliding_distance * shape

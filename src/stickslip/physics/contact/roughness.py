@@ -101,8 +101,8 @@ def self_affine(
     q_l, q_r, q_s = (2.0 * math.pi / wavelength for wavelength in (longest, bend, shortest))
 
     roots = []
-    # The integrals of q, q^3 and q^5 times a spectrum that is 1 on its plateau give height, slope and
-    # curvature, except for a common factor.
+    # The integrals of q, q^3 and q^5 (q: wavevector) times a spectrum that is 1 on its plateau give height,
+    # slope and curvature, except for a common factor.
     for power in (1, 3, 5):
         flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
         left, ends = power - 1.0 - 2.0 * hurst, math.log(q_s / q_r)

@@ -160,7 +160,8 @@ class Stage:
         )
 
     def rest(self, seconds: float) -> None:
-        """Simulate the present voltage for some seconds: decaying vibrations for `_SETTLED` s, then creep."""
+        """Simulate the present voltage for some seconds: decaying vibrations for `_SETTLED` s, then creep,
+        which the end-effector follows."""
         settling = min(seconds, _SETTLED)
         if settling > 0.0:
             self.play(Piece(np.array([settling]), np.array([self.voltage]), np.array([settling])))

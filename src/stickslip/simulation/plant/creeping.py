@@ -25,7 +25,8 @@ from ...quantities.units import QuantityError
 from ...waveform.drive import Drive
 from .cubics import Cubics, cubics_struct, filled, with_cubics
 
-# Number of terms in the power series of I_3 for z from -1 to 1; the next term is below rounding.
+# Number of terms in the power series of I_3 (see the module) for z from -1 to 1; the next term is below
+# rounding.
 TERMS = 18
 
 
