@@ -1,6 +1,6 @@
-"""Control of an actuator: discrete regulators and filters, moves by steps and piezo, an estimator of the
-position from counted steps, and tuning by models.
-"""
+"""Control of an actuator: discrete regulators and filters, moves by steps and piezo, tuning by models or on
+the rig, input shaping and learning, export as C. Also calibration of steps, and estimators of the position
+from counted steps."""
 
 from .blocks import ControlWarning as ControlWarning
 from .blocks import LowPass as LowPass

@@ -145,7 +145,7 @@ class DeadReckoning:
         """Step as near as possible to a target [m]; return the 95 % interval of the position afterwards, m.
 
         Raises:
-            InterlockError: as for `step`.
+            InterlockError, RigError: as for `step`.
             QuantityError: the position is not known, or the steps have no size in this direction.
         """
         goal = _AT.check(target, "target")

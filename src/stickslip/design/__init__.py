@@ -1,4 +1,5 @@
-"""Design with an identified model: maps of the step, optimised drive signals, planned experiments."""
+"""Design with an identified model: maps and tables of the step, limits of stepping, optimised drive signals
+and actuators, fronts of two goals, planned experiments, and models from data sheets."""
 
 from .._lazy import attach
 

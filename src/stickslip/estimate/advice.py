@@ -92,7 +92,7 @@ class Advice(NamedTuple):
     @property
     def line(self) -> str:
         """Return the settings that add the term to a campaign or identification file, as YAML in backquotes:
-        "`free: [...]` and `bounds: {...}`"."""
+        "`free: [...]` and `bounds: {...}`", and `change` or ties to remove if needed."""
         said = [f"`free: [{', '.join(self.free)}]`"] if self.added else []
         if self.bounds:
             limits = ", ".join(f"{name}: [{low!r}, {high!r}]" for name, (low, high) in self.bounds.items())

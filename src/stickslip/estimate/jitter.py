@@ -139,7 +139,7 @@ def _level(r: Array, slow: NDArray[np.bool_]) -> Array:
 
 def _independent(off: Array, change: Array, fast: NDArray[np.bool_], period: float) -> bool:
     """Return True if timing errors are those of clock jitter: independent of the timing errors of the next
-    sample and of the next period, and without a common mean.
+    sample and of the next period, and without a common mean. False for fewer than `FEWEST` fast samples.
 
     Args:
         off: residuals divided by their standard deviation, [n].

@@ -218,8 +218,8 @@ class Hdf5Tree:
         return value.decode("latin-1") if isinstance(value, bytes) else "" if value is None else str(value)
 
     def attribute(self, identifier: Any, name: bytes) -> Any:
-        """Return an attribute of an object (h5py identifier) that is a text or numbers; None for other types.
-        Raises GateError if the attributes that were read so far take more bytes than `LIMITS` allows."""
+        """Return an attribute of an object (h5py identifier): a text, "" if empty, or numbers; None for other
+        types and several texts. GateError if all attributes read take more bytes than `LIMITS` allows."""
         opened = h5a.open(identifier, name)
         stored, shape = opened.get_type(), opened.shape
         kind = stored.get_class()

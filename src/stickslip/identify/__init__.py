@@ -1,4 +1,5 @@
-"""Fits of models to recordings: steps, walks, friction loops, frequency responses and stick-slip events."""
+"""Fits of models to recordings: steps, walks, friction loops, steady friction, piezo, frequency responses and
+stick-slip events; comparison of models, verification, and storage of fits."""
 
 from .._lazy import attach
 

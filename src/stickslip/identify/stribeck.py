@@ -224,8 +224,8 @@ def _unseen(chance: float) -> tuple[str, ...]:
 
 
 def _doubts(law: Stribeck, slowest: float, fastest: float) -> tuple[str, ...]:
-    """Return a tuple with one sentence if the Stribeck velocity is near or beyond the slowest or fastest
-    measured speed [m/s]; otherwise an empty tuple."""
+    """Return a tuple with one sentence if the friction of the law falls with speed and its Stribeck velocity
+    is near or beyond the slowest or fastest measured speed [m/s]; otherwise an empty tuple."""
     if law.stribeck_velocity < NEAR_ENDS * slowest and law.stiction_force > law.coulomb_force:
         return (
             f"the friction falls below {NEAR_ENDS * slowest:.3g} m/s, where there are hardly any points: "

@@ -67,7 +67,8 @@ class Fitting:
             self._connection.send(FitTask(request, self._out))
 
     def cancel(self) -> None:
-        """Cancel a running fit by ending its process, and start a new process.
+        """Cancel a running fit by ending its process, and start a new process; without a running fit nothing
+        happens.
 
         The last values and curves of the cancelled fit stay.
         """

@@ -1,4 +1,5 @@
-"""Recordings: one schema for measured and simulated data, in memory and on disk; readers of other files."""
+"""Recordings: one schema for measured and simulated data, in memory and on disk; calibration; readers of
+other files, and export to other formats."""
 
 from .._lazy import attach
 

@@ -1,4 +1,5 @@
-"""Reports: a document as plain data, written as one HTML file, one JSON file and the figures."""
+"""Reports: a document as plain data, written as one HTML file (on request also PDF), one JSON file and the
+figures."""
 
 from .._lazy import attach
 

@@ -1,4 +1,5 @@
-"""Rigs: a drive output and a recorder, virtual or real, and recordings from them."""
+"""Rigs: a drive output and a recorder, virtual or real; recordings and closed loops with them; limits,
+interlock and home; positioners."""
 
 from .._lazy import attach
 

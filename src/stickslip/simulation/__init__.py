@@ -1,4 +1,5 @@
-"""Simulation: from a model and a drive signal to a labelled trajectory; the public calls over `engine`."""
+"""Simulation: from a model and a drive signal to a labelled trajectory, to steady steps, to many members at
+once, and to derivatives by parameters; the public calls over `engine`."""
 
 from .._lazy import attach
 

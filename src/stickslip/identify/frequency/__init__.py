@@ -1,1 +1,2 @@
-"""Frequency responses and modal models."""
+"""Frequency responses and modal models, also for several drive amplitudes and in time, and corrections for
+the instruments."""

@@ -69,7 +69,8 @@ def with_sampling(
 
     Args:
         fit: fit of the recordings.
-        recordings: recordings over "time" [s].
+        recordings: recordings over "time" [s], in the order of the fit; one with fewer than twice
+            `FEWEST_SAMPLES` samples gets no error.
         response: function from a recording to the force at its samples, N, shape (n,), predicted with the
             values of the fit.
     """

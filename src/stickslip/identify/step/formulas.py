@@ -135,7 +135,7 @@ def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dic
 def second_order(overshoot: float, peak_time: float) -> tuple[float, float]:
     """Return damping ratio and natural frequency [rad/s] from overshoot (a fraction) and peak time [s].
 
-    Both are NaN for an overshoot that is not between 0 and 1.
+    Both are NaN for an overshoot that is not between 0 and 1, or a peak time that is not above 0.
     """
     if not (0.0 < overshoot < 1.0 and peak_time > 0.0):
         return math.nan, math.nan

@@ -35,7 +35,8 @@ def moved_by(
 
     Args:
         fit: fit of the walks.
-        stages: actuators whose mode, gain and piezo replace those of the fit.
+        stages: actuators whose mode, gain and piezo replace those of the fit; values of the stage that were
+            fitted to the walks stay.
         recordings, drives, slew_rate: arguments of the fit.
     """
     delay, names = fit.values.get("delay", 0.0), names_of(recordings)

@@ -200,7 +200,7 @@ def rough_prior(
         theory: factor within which 68 % of real stiffnesses lie on either side of the theory.
 
     Raises:
-        QuantityError: a value is out of range.
+        QuantityError: a value is out of range, or fewer than one summit is expected to touch.
     """
     force = to_si(normal_force, "N", "normal_force")
     area = to_si(nominal_area, "m^2", "nominal_area")

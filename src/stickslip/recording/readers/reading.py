@@ -203,7 +203,7 @@ def _shortened(quote: re.Match[str]) -> str:
 
 def _rate(sample_rate: float | str | None) -> float:
     """Return the user's sample rate in Hz; 0 if the user gives no rate, because the file has its own time.
-    Raises RecordingError unless the rate is positive and finite."""
+    Raises RecordingError unless the rate is positive and finite, QuantityError for a wrong unit."""
     if sample_rate is None:
         return 0.0
     rate = to_si(sample_rate, "Hz", "sample_rate")
