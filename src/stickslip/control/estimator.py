@@ -6,7 +6,7 @@ lengthens forward steps shortens backward ones:
 .. math:: x_{k+1} = x_k + s_+ + c\,\ell + w \ \text{(forward)}, \qquad
           x_{k+1} = x_k - s_- + c\,\ell + w \ \text{(backward)}
 
-x is the position, s_+ and s_- are the step sizes, and ℓ is the load. Between steps, both step sizes and the
+x is the position, :math:`s_\pm` are the step sizes, and ℓ is the load. Between steps, both step sizes and the
 load drift, each as a random walk, and both sizes also together (`common_drift`, from the temperature). w is
 the scatter of single steps. N steps at once equal N single ones, in closed form. A change of direction loses
 a displacement b with a known error. A measured position corrects all states [barshalom2001]. Without

@@ -235,7 +235,7 @@ class Runner:
             self._thread.join(most)
 
     def home_here(self, file: ExperimentFile, folder: Path, cell: Cell) -> None:
-        """Set home to the position that the channel of `cell` measures now; RigError without this channel."""
+        """Set home to the position that `cell` measures in a run at 0 V; RigError without such a channel."""
         channel = cell.channels.get(POSITION)
         if channel is None:
             raise RigError(f"home is set by the channel {POSITION}, which is not recorded")

@@ -252,7 +252,7 @@ def _found(response: xr.Dataset, n_modes: int, kind: ModalForm) -> tuple[list[tu
 
 
 def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[float]:
-    """Return initial guesses of the delay [s] for complex responses at these frequencies [Hz].
+    """Return initial guesses of the delay [s] from complex responses at evenly spaced frequencies [Hz].
 
     A delay that is wrong by half a period of a mode leads to a wrong sign of its gain. The mean slope of the
     phase is the sum of the delay and the phase of the modes.
