@@ -72,6 +72,7 @@ def gather(
     Raises:
         InputFileError: a recording's drive is wrong.
         RecordingError: a file cannot be read, or is not suitable.
+        RigError: the rig fails, or a recording is refused or stopped; see `rig.run_experiment`.
     """
     found = {
         i: _own(spec, file, folder)

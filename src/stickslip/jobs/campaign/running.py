@@ -44,6 +44,7 @@ def run_campaign(
     Raises:
         InputFileError: the file is invalid; the message names the file and the field.
         RecordingError, FitError: a recording is missing or wrong, or cannot be fitted.
+        RigError: the rig fails, or a recording is refused or stopped; see `rig.run_experiment`.
     """
     path = Path(path)
     try:
