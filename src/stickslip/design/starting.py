@@ -214,7 +214,7 @@ def draws_of(
     if isinstance(draws, Mapping):
         values = _given(begin, draws)
     elif draws and isinstance(source, Fit):
-        values = _drawn(begin, source, int(draws), seed)
+        values = _drawn(source, int(draws), seed)
     elif draws:
         raise QuantityError(
             f"draws = {draws}: there is nothing to draw from but the model; give a fit, a posterior or "
@@ -243,10 +243,10 @@ def _given(begin: Start, samples: Mapping[str, Any]) -> list[Values]:
     return [{name: float(one[i]) for name, one in arrays.items()} for i in some]
 
 
-def _drawn(begin: Start, fit: Fit, count: int, seed: int) -> list[Values]:
+def _drawn(fit: Fit, count: int, seed: int) -> list[Values]:
     """Return `count` draws, at most `MOST_DRAWS`, from the normal distribution of a fit's coordinates:
     parameter values by name, SI, clipped at the fit's bounds. Coordinates without a finite variance keep the
-    estimate. `seed` is that of the random numbers; `begin` is not used."""
+    estimate. `seed` is that of the random numbers."""
     spread = fit.uncertainty.covariance
     sure = np.isfinite(np.diag(spread))
     random = np.random.default_rng(seed)

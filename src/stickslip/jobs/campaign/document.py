@@ -85,7 +85,7 @@ def campaign_document(
         numbers["sensor_scale"] = Number(found.scale.value, "", standard_error=found.scale.standard_error)
     bands = _bands(file, found) if figures else None
     sections = [
-        _set_up(file, found, recorded),
+        _set_up(file, found),
         _calibration(file, found),
         *_hysteresis(found, figures),
         *([stage_section(file, found, figures)] if found.stage is not None else []),
@@ -124,7 +124,7 @@ def campaign_document(
             ("rms error", Number(seen.rmse, "m")),
         ],
         numbers=numbers,
-        assumptions=[*dict.fromkeys((*origin.assumptions, *_assumptions(file, found, recorded)))],
+        assumptions=[*dict.fromkeys((*origin.assumptions, *_assumptions(file, recorded)))],
         citations=origin.citations,
         failures=found.failures,
     )
@@ -139,7 +139,7 @@ def _hysteresis(found: CampaignResult, figures: bool) -> list[Section]:
     return [hysteresis_section(found.hysteresis, used, figures)]
 
 
-def _set_up(file: CampaignFile, found: CampaignResult, recorded: Sequence[Recorded]) -> Section:
+def _set_up(file: CampaignFile, found: CampaignResult) -> Section:
     rows = []
     for one in found.gathered:
         time = one.recording["time"].values
@@ -389,7 +389,7 @@ def _walks_picture(
     )
 
 
-def _assumptions(file: CampaignFile, found: CampaignResult, recorded: Sequence[Recorded]) -> list[str]:
+def _assumptions(file: CampaignFile, recorded: Sequence[Recorded]) -> list[str]:
     said = []
     if file.known_slew_rate is not None:
         words = file.slew_rate_source or "as the campaign file says"
