@@ -1,5 +1,6 @@
-"""History of a laboratory: an index of the recordings and fits in a folder, which is made from the files and
-can be made again at any time."""
+"""History of a laboratory: an index of the runs (recordings, fits) in a folder, which can be made again from
+the files at any time; a log of actions on the runs; and their differences.
+"""
 
 from .acts import note_act as note_act
 from .acts import read_acts as read_acts

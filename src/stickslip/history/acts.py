@@ -19,7 +19,7 @@ from ..gate.text import load_json
 from .storable import storable
 
 FILE = "acts.jsonl"  # name of the log in the folder; it has one JSON line for each action
-MOST_BYTES = 8_000_000  # number of bytes that are read, from the end of the log: about 60,000 actions
+MOST_BYTES = 8_000_000  # largest part of the log that is read, in bytes before its end: about 60,000 actions
 # Fields of an action that are read from the log, all of them texts: time and kind of the action, present and
 # previous name of the run, and further ones that depend on the kind.
 _FIELDS = ("time", "act", "name", "was", "of", "file", "drive", "kind")
@@ -60,7 +60,8 @@ def read_acts(folder: Path) -> list[dict[str, Any]]:
     that it has. `name` is the present name of the run, after all later renamings.
 
     Damaged lines are left out, and so are all but the last `MOST_BYTES` of the log. If there is no time or
-    memory to read the log, the last known actions are returned. Without a readable log the list is empty.
+    memory to read the log, the list of the previous reading is returned. Without a readable log, or a
+    previous reading, the list is empty. The list is kept for later calls: do not change it.
     """
     path = folder / FILE
     with _READING:
@@ -80,7 +81,8 @@ def read_acts(folder: Path) -> list[dict[str, Any]]:
 
 
 def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
-    """Return a dictionary from each earlier name of a renamed run to its present name.
+    """Return a dictionary from each earlier name of a renamed run to its present name. If several runs had
+    one name, the first of them counts.
 
     Args:
         acts: actions as `read_acts` returns them.
@@ -106,8 +108,10 @@ def _acts_of(path: Path) -> list[dict[str, Any]]:
 
 
 def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
-    """Return the actions in the lines of a log, in the same order. A line is left out if it is not JSON, has
-    no valid time, or lacks the text of "act", "name" or, for a renaming, "was"."""
+    """Return the actions in the lines of a log, in the same order, each with those of `_FIELDS` that are
+    texts. A line is left out if it is not JSON, has no valid time, or lacks the text of "act", "name" or, for
+    a renaming, "was".
+    """
     found = []
     for line in filter(None, lines):
         try:

@@ -20,15 +20,15 @@ TRIGGER, DRIVE = "trigger", "begin of the drive"
 def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Return the columns and settings in which rows of the index differ.
 
-    Settings are compared one by one, under names such as ``variables.voltage`` and ``capture.interval``.
-    Columns that differ between any two runs (name, size, times, links) are left out.
+    Settings are compared one by one, under names such as ``variables.voltage`` and ``capture.interval``. The
+    columns name, changed, bytes, begun and links, which differ between any two runs, are left out.
 
     Args:
         rows: rows of the index (values by column), with `settings` as JSON text.
 
     Returns:
-        Dictionary from each name with different values to the list of one value per row, None if the row has
-            no value.
+        Dictionary from each name with different values to the list of one value per row, in the order of
+        `rows`; None if the row has no value.
     """
     flat = flat_rows(rows)
     names = dict.fromkeys(name for one in flat for name in one if name not in _ALWAYS)
@@ -127,16 +127,15 @@ def on_one_clock(recordings: Sequence[xr.Dataset], channel: str) -> xr.Dataset:
     """Interpolate a channel of several recordings to the sampling times of the first one.
 
     Only times are used that all recordings cover. The times of the recordings must already be counted from a
-    common zero (`common_zeros`).
+    common zero (`common_zeros`), and ascend.
 
     Returns:
         Dataset over "run" (in the order of the recordings) and "time" [s]: the channel under its own name,
-        and
-            `difference`, each recording minus the first, in the unit of the channel.
+        and `difference`, each recording minus the first, in the unit of the channel.
 
     Raises:
-        RecordingError: a recording lacks the channel or has another unit, or the recordings have no time in
-            common.
+        RecordingError: a recording lacks the channel or has another unit, or fewer than two sampling times of
+            the first are in all of them.
     """
     for one in recordings:
         if channel not in one:

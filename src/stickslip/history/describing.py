@@ -1,4 +1,6 @@
-"""Read recordings, fits, experiments and parameter sets, and return their columns for the index."""
+"""Read recordings, fits, experiments and parameter sets, and return their columns for the index; change the
+notes and tags of recordings and fits.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,8 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
     Keys are begun, title, notes, tags, operator, rig, parameter_set, outcome (texts, "" if unknown), seconds
     (duration), samples, channels, settings, links and, for a prediction, kind. `settings` is a dictionary
     with drive, capture, limits, variables of the experiment, the actuator as the file names it, and the
-    properties of the contact (`contact`) that a virtual rig used. For a recording from a user's file,
-    `settings` also contains the name of that file (`source`).
+    properties of the contact (`contact`) that a virtual rig used. For a recording that no rig made,
+    `settings` also contains its `source`: the name of the user's file, or "simulation".
     """
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values
@@ -78,7 +80,8 @@ def described_fit(path: Path) -> dict[str, Any]:
 
     They come from results.json, links.json, notes.json and, if the panel made the fit, from the panel's
     request in shown.json. `links` are the names of the recordings that were fitted ("fitted"), that verified
-    the fit ("verified"), and that contain steps of the stage ("steps").
+    the fit ("verified"), and that contain steps of the stage ("steps"); kinds in links.json are added, or
+    replace these.
 
     Args:
         path: path of the results.json.

@@ -1,4 +1,6 @@
-"""Index of the runs in a folder: one SQLite table beside the files, which every query updates first."""
+"""Index of the runs in a folder: one SQLite table beside the files, which every query updates first. Runs are
+moved to the bin, listed there and restored.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,8 @@ class Index:
         read: process that reads files; by default a new one, which `close` ends.
 
     Raises:
-        OSError: the folder is missing. (If the folder cannot be written, the index is kept in memory.)
+        OSError: the folder is missing, or is a file. (If the folder cannot be written, the index is kept in
+            memory.)
     """
 
     def __init__(self, folder: str | os.PathLike[str], read: Reader | None = None) -> None:
@@ -72,8 +75,9 @@ class Index:
 
     def rows(self, search: str = "", **equal: str) -> list[dict[str, Any]]:
         """Return the rows of the index that match a search, the newest first, each as a dictionary of values
-        by column (see `runs`), with `settings` and `links` as JSON texts or "". A damaged table is made
-        again.
+        by column (see `runs`), with `settings` and `links` as JSON texts or "". Renamed runs have their
+        present names in the links, and the link "prediction" comes from the log of actions. A damaged table
+        is made again.
 
         Args:
             search: words that must all occur in the texts of a row; upper and lower case are the same.
@@ -125,8 +129,9 @@ class Index:
         return [{**row, "links": json.loads(row["links"] or "{}")} for row in rows]
 
     def binned(self) -> list[str]:
-        """Return the names (paths in the folder before the deletion) of the runs in the bin, the last deleted
-        first."""
+        """Return the names (paths in the folder before the deletion) of the files and folders of fits in the
+        bin, the last deleted first.
+        """
         root = self.folder / BIN
         moved = [path.parent for path in root.rglob("results.json")]
         moved += [p for p in root.rglob("*") if p.is_file() and not any(p.is_relative_to(m) for m in moved)]
@@ -140,6 +145,7 @@ class Index:
 
         Raises:
             ValueError: there is no such run in the bin, or another file has its place.
+            OSError: the run cannot be moved.
         """
         root = self.folder / BIN
         if name not in self.binned():

@@ -44,7 +44,7 @@ def storable(value: Any) -> Any:
 
 def storable_row(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row (values by column) as the table stores it: `settings` and `links` as JSON texts, numbers
-    as finite numbers or None, and all else as texts.
+    as finite numbers or None (integers cut to the range of SQLite), and all else as texts.
 
     Raises:
         RecordingError: settings are not a mapping, links are not a mapping of lists of names, or one of the
@@ -73,8 +73,8 @@ def links_of(value: Any) -> dict[str, list[str]]:
 def shown_name(name: str) -> str:
     """Return the name of a file as text that can be printed, stored and sent.
 
-    Bytes that are not UTF-8, control characters and backslashes are escaped, so that different names stay
-    different.
+    Bytes that are not UTF-8, characters that cannot be printed, and backslashes are escaped, so that
+    different names stay different.
     """
     if name.isprintable() and "\\" not in name:
         return name

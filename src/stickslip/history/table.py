@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 
 def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.DataFrame:
-    """Return the recordings and fits of a folder and its subfolders, the newest first, as a pandas table with
-    one row per run.
+    """Return the runs (recordings, fits, experiments, parameter sets) of a folder and its subfolders, the
+    newest first, as a pandas table with one row per run. A value that a run lacks is "".
 
     Columns:
 
@@ -22,13 +22,15 @@ def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.D
       experiment without a recording; folder: a folder that cannot be searched);
     * changed (time of the last change, UTC), bytes, begun (time of the start), seconds (duration), samples;
     * title, notes, tags, operator, rig, parameter_set, channels (texts);
-    * outcome ("complete", the reason of a stop, or "not as required" for a fit);
-    * settings (a dictionary: variables, capture, limits, drive, actuator; for a fit its results);
+    * outcome ("complete"; the reason of a stop; for a fit "not as required: ..." or, until its end, its
+      phase);
+    * settings (a dictionary: variables, capture, limits, drive, actuator; the results of a fit; the values of
+      a parameter set);
     * links (a dictionary from kinds of links, such as "fitted", to lists of names of runs);
     * problem (reason why a file cannot be read).
 
     An index beside the files (``.stickslip/runs.sqlite``) makes later calls faster; it may be deleted at any
-    time.
+    time. Samples that a killed program left in the folder are first saved as a recording.
 
     Args:
         folder: folder of the laboratory.

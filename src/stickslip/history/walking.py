@@ -1,5 +1,6 @@
-"""Search a laboratory's folder for runs (recordings, fits, experiments, parameter sets) without reading
-them."""
+"""Search a laboratory's folder for runs (recordings, fits, experiments, parameter sets) without reading them.
+Samples of killed programs become recordings first.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ MOST_LEVELS = 40  # largest depth of nested folders that is searched; usual labo
 
 
 class FoundRun(NamedTuple):
-    """A run that was found by the names of its files; it may turn out to be unreadable.
+    """A run that was found by the names of its files, or a folder that cannot be searched. A run may turn out
+    to be unreadable.
 
     Fields: `path`; `kind`; `changed`, time of the last change [s since 1970]; `bytes`, size; and `problem`,
     the reason why the run must not be read, or "". The kind is "recording", "fit", "parameters" (a parameter
@@ -35,8 +37,9 @@ class FoundRun(NamedTuple):
 def entries(root: str) -> Iterator[FoundRun]:
     """Yield the runs in a folder and its subfolders, except hidden ones and those inside a study's store.
 
-    Samples that a killed program has left in a folder are first converted to a recording. A folder that
-    cannot be listed, or lies more than `MOST_LEVELS` levels deep, yields a `FoundRun` of the kind "folder".
+    Samples that a killed program has left in a folder are first converted to a recording. A subfolder that
+    cannot be listed, or whose own subfolders are not searched because they lie more than `MOST_LEVELS` levels
+    deep, yields a `FoundRun` of the kind "folder". If `root` itself cannot be listed, nothing is yielded.
     """
     waiting = [(root, 0)]
     while waiting:
@@ -104,10 +107,10 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
 
 
 def _fit(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
-    """Yield one `FoundRun` if a folder is that of a fit (with results.json and report.html); otherwise
-    nothing.
+    """Yield one `FoundRun` if a folder other than `root` is that of a fit (with results.json and report.html,
+    without experiment.log); otherwise nothing.
 
-    Its time of change is the latest, and its size the sum, of the files that the index reads.
+    Its time of change is the latest, and its size the sum, of results.json, notes.json and links.json.
 
     Args:
         root: folder of the laboratory.

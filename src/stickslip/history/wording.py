@@ -25,12 +25,13 @@ def worded(found: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]]
     """Return differences between rows of the index in words, for a page.
 
     Args:
-        found: lists of values by name, one value per row, from `comparing.differences`.
+        found: lists of values by name, one value per row, from `comparing.differences` of the same rows.
         rows: the compared rows of the index.
 
     Returns:
         A list with one dictionary for each difference: `what` (its name in words), `values` (one per row) and
-        `units` (one per row; SI, or "" without a unit).
+        `units` (one per row: the SI unit of a rig's or contact's setting, the unit in the file of a variable,
+        or "").
     """
     flat = flat_rows(rows)
     shown = []

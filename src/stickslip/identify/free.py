@@ -84,12 +84,14 @@ def exchangeable(
 
 
 def parameter(model: Any, name: str, bounds: Bounds, along: Coordinate = LENGTH) -> Parameter:
-    """Return the named parameter (one of `free_names`) for a fit, with the model's value as initial guess.
+    """Return the named parameter (one of `free_names`) for a fit, with the model's value as initial guess
+    (for a missing normal force the middle of the bounds).
 
     Without bounds the parameter is searched within a factor `REACH` of the initial guess first, and then as
     far as the law allows: down to zero, where it may be zero. For a force or damping whose initial value is
     zero, the range follows from the law's force and `TYPICAL_SPEED`. The scale is logarithmic, unless given
-    bounds reach down to zero or below, or are `LinearBounds` or `Squared`.
+    bounds reach down to zero or below, are `LinearBounds` or `Squared`, or the parameter is a ratio such as
+    "stiction_ratio". A `SearchRange` says its own scale.
 
     Args:
         model: actuator or friction law.
@@ -201,8 +203,8 @@ def said_of(
         bounds, priors, tied: settings of parameters by name.
 
     Raises:
-        QuantityError: a `Parameter` has another unit than the model's, only one bound, or settings that are
-            also given by name.
+        QuantityError: `free` is empty or one text; or a `Parameter` has another unit than the model's, only
+            one bound, or settings that are also given by name.
     """
     _check_list(free, known.names)
     said = Said([], dict(bounds or {}), dict(priors or {}), dict(tied or {}), {})
@@ -356,7 +358,8 @@ def linear(
 
 
 def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
-    """Return the bounds (lower, upper) of one parameter, converted to SI; None without bounds for the name.
+    """Return the bounds (lower, upper) of one parameter, converted to SI; None without bounds for the name,
+    or with the default `LinearBounds()`.
 
     Raises:
         QuantityError: the lower bound is not below the upper one, or a bound has a wrong unit.
@@ -373,8 +376,9 @@ def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | 
 
 
 def check_names(free: Sequence[str], known: Sequence[str], bounds: Bounds) -> None:
-    """Raise `QuantityError` unless every free name is known and given once, and every bound belongs to a free
-    name."""
+    """Raise `QuantityError` unless `free` is a list of at least one name, every free name is known and given
+    once, and every bound belongs to a free name.
+    """
     _check_list(free, known)
     for name in free:
         if name not in known:

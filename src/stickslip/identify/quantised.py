@@ -81,8 +81,9 @@ def moved_by(known: Sequence[Inexact], residuals: Callable[[Sequence[Array]], Ar
 
 def with_moved(fit: Fit, moved: Array | None, said: str) -> Fit:
     """Return the fit with the uncertainty added that follows from the residual changes `moved`, shape (draws,
-    n), from `moved_by`; unchanged if `moved` is None. The remark `said` is added if this is more than
-    `WORTH_SAYING` of the variance of any parameter."""
+    n), from `moved_by`; unchanged if `moved` is None or the fit has no Jacobian. The remark `said` is added
+    if this is more than `WORTH_SAYING` of the variance of any parameter.
+    """
     if fit.jacobian is None or moved is None:
         return fit
     wider = with_inherited(fit, moved.T, np.eye(DRAWS) / DRAWS)
@@ -97,7 +98,8 @@ def said_steps(what: str, known: Sequence[Inexact], unit: str) -> str:
 
     Args:
         what: name of the quantity in the sentence.
-        known: samples of the quantity in each recording; the largest step and noise are named.
+        known: samples of the quantity in each recording; the largest step is named or, without steps, the
+            largest noise.
         unit: unit of the quantity.
     """
     step, noise = (max(getattr(one, name) for one in known) for name in ("step", "noise"))

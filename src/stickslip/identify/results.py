@@ -22,8 +22,8 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
     """Return an actuator as nested dictionaries for results.json; `model_of` restores the actuator.
 
     Keys are "actuator", "friction" and, if present, "normal_force", "further_modes" and "piezo", each with
-    the fields as {"value", "unit"}; and the entries that name the law's type. Fields without a finite value,
-    which are defaults, are left out.
+    the fields as {"value", "unit"} (texts, True and False as they are); and the entries that name the law's
+    type. Fields without a finite value, which are defaults, are left out.
     """
     found = {
         "actuator": _fields(model),

@@ -54,8 +54,8 @@ def identify_stribeck(
     Args:
         velocity: m/s (rad/s), of both signs or of one, shape (n,). Points at rest are left out.
         force: N (N m), mean friction force at each velocity, shape (n,), with the sign of the velocity.
-        deviation: standard deviation of each force, same unit; by default all are equal, and estimated from
-            the residuals.
+        deviation: standard deviation of each force, same unit, shape (n,) or one for all; by default all are
+            equal, and estimated from the residuals.
         exponent: exponent of the Stribeck curve; None: fit it as well.
         offset: fit an offset of the force sensor as well; it needs points of both signs.
         tied: parameters that follow from others, as for `identify_friction`.
@@ -66,8 +66,9 @@ def identify_stribeck(
         law, a `Stribeck`; `failures` say if the points do not show the fall of friction with speed.
 
     Raises:
-        FitError: the points are too few (6 at 4 speeds) or not finite, the friction drives the motion (its
-            sign is wrong), a deviation is not above 0, or an offset is requested for points of one sign.
+        FitError: the points in motion are too few (at least 6 at 4 speeds are needed), or points are not
+            finite, the friction drives the motion (its sign is wrong), a deviation is not above 0, or an
+            offset is requested for points of one sign.
         QuantityError: an expression in `tied` is wrong.
     """
     v, f, noise, remarks = _points(velocity, force, deviation)

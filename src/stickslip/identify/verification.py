@@ -183,8 +183,8 @@ class Verification:
     def unmet(self, requirements: Sequence[Requirement]) -> list[str]:
         """Return a sentence for each recording and requirement that is not met.
 
-        Recordings without a net step are not checked against the net-step requirement. It is an error if no
-        recording has one.
+        Recordings without a net step are not checked against the net-step requirement. If no recording has
+        one, there is a sentence for each recording.
 
         Raises:
             QuantityError: a requirement is in another unit than the channel, such as m instead of rad.

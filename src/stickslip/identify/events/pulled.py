@@ -236,8 +236,8 @@ def slider(rig: PulledRig, static: float, dynamic: float, damping: float = 0.0) 
 
 
 def simulated_force(model: PulledSlider, rig: PulledRig, interval: float | None = None) -> xr.Dataset:
-    """Return a simulated recording of the stationary motion, over at least ten events, when the slider is
-    pulled at the speed of the rig.
+    """Return a simulated recording of the stationary motion, over at least ten events, if the model of
+    `slider` is pulled at the speed of the rig.
 
     The recording contains the spring force over the weight, `force_ratio`. Its attribute `period` [s] is the
     longest time that an event can take. Samples are `interval` [s] apart; by default at least 200 in an event
@@ -287,7 +287,7 @@ def identify_pulled_slider(
     Raises:
         QuantityError: an expression in `tied` is wrong.
         RecordingError: the force has the wrong size for this spring.
-        FitError: see `slip_events`; or there are fewer than ten events.
+        FitError: see `slip_events`; or there are fewer than ten times between events.
     """
     events = slip_events(recording, rig, channel)
     if events.period.size < _LEAST:

@@ -97,8 +97,8 @@ def _delay(t: Array, x: Array, jumps: Array, sign: NDArray[np.int64], period: fl
     """Return the delay [s] of the slips after the jumps of the drive, and the side: +1 if the position jumps
     with the drive, -1 if against it.
 
-    The delay, up to a fifth of a period, maximises the sum of the position's edges over all jumps; a parabola
-    interpolates between samples.
+    The delay, from -2 samples to a fifth of a period, maximises the magnitude of the sum of the position's
+    edges over all jumps; a parabola interpolates between samples.
 
     Args:
         t, x: times [s] and positions, [n].

@@ -37,9 +37,9 @@ Array = NDArray[np.float64]
 class VibrationWindow(NamedTuple):
     """Mean motion after the slips in a part of the period, without trend.
 
-    Fields: `time` from the start of the part, s, [n]; `mean` motion over the slips, in the unit of the
-    position, [n]; `noise`, the standard deviation of the noise of a sample of this mean; `trend`, orthonormal
-    basis of the parabolic trend, [n, 3].
+    Fields: `time` from the start of the part, s, [n]; `mean` motion over the slips, each in the direction of
+    its jump, in the unit of the position, [n]; `noise`, the standard deviation of the noise of a sample of
+    this mean; `trend`, orthonormal basis of the parabolic trend, [n, 3].
     """
 
     time: NDArray[np.floating]

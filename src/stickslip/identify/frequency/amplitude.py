@@ -119,7 +119,7 @@ def predict_response(
 
     Raises:
         QuantityError: the sample rate is not a frequency, or the amplitude not a voltage.
-        RecordingError: the drive_voltage of a recording is missing, too short, not finite or constant.
+        RecordingError: the drive_voltage of a recording is missing, too short, not finite or in a wrong unit.
         FitError: the drive's shape does not fit, the sample rate of an array is missing, or the amplitude is
             0, as for a constant drive.
 

@@ -130,7 +130,7 @@ def identify_in_time(
         fit follows the largest motion. Its `failures` name modes that may be noise.
 
     Raises:
-        QuantityError: an expression in `tied` is wrong.
+        QuantityError: an expression in `tied` is wrong, or `sample_rate` is not a frequency.
         FitError: the shapes do not fit, or see `fit_least_squares`.
     """
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")

@@ -83,9 +83,10 @@ def identify_levels(
         `at_amplitude` and `predict_response`.
 
     Raises:
-        QuantityError: an amplitude is no voltage.
-        FitError: fewer than two different levels, levels of different channels, responses without deviations,
-            missing amplitudes, an exponent outside -3 to 4, or see `identify_frequency`.
+        QuantityError: an amplitude is no voltage, or an initial value in `modes` no frequency.
+        FitError: fewer than two levels, two of nearly the same amplitude, levels of different channels,
+            responses without deviations, missing amplitudes, an exponent outside -3 to 4, or see
+            `identify_frequency`.
     """
     given = None if amplitudes is None else [to_si(one, "V", "amplitudes") for one in amplitudes]
     starts_of(modes)

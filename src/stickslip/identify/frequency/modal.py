@@ -141,11 +141,11 @@ def identify_frequency(
     Returns:
         A `Fit` with natural_frequency_1 [rad/s], damping_ratio_1, ..., delay [s], gain_1, rate_gain_1, ...,
         remainder; with several channels gain_1[o,i] for output o and input i. Its `model` is a `ModalModel`.
-        Its `failures` name residuals above ten times the deviations (a wrong minimum, or missing modes), and
-        modes that may be noise.
+        Its `failures` name residuals above ten times given deviations, unless `noise_known` (a wrong minimum,
+        or missing modes), and modes that may be noise.
 
     Raises:
-        QuantityError: an expression in `tied` is wrong.
+        QuantityError: an expression in `tied` is wrong, or an initial value in `modes` is no frequency.
         FitError: deviations that are not above 0 or, with `noise_known`, missing; too few frequencies for
             this number of modes; or no mode above the noise.
     """

@@ -55,9 +55,10 @@ def frequency_response(
         `response`, complex; `deviation`, its standard deviation by noise and nonlinear distortion, from the
         realisations in excess of the number of inputs (if there are none: by noise alone); and
         `noise_deviation`, the standard deviation by noise alone, from the periods. Each deviation is
-        sqrt(E|error|^2), in the unit of the response, and NaN without the repetitions. Over "frequency" and
-        "output": `coherence`, the share of the power that is explained, 0 to 1. The coordinate `drive_rms` is
-        the amplitude of the drive, over all inputs, for `identify_levels`.
+        sqrt(E|error|^2), in the unit of the response, and NaN without the repetitions that it needs. Over
+        "frequency" and "output": `coherence`, the share of the power that is explained, 0 to 1; NaN if both
+        deviations are NaN. The coordinate `drive_rms` is the amplitude of the drive, over all inputs, for
+        `identify_levels`.
 
     Raises:
         ResponseError: the shapes do not fit, values are not finite, or the inputs cannot be distinguished

@@ -45,9 +45,9 @@ def candidates(recordings: xr.Dataset | Sequence[xr.Dataset], max_elements: int 
 
     Coulomb friction starts at half the range of the force. The displacement over which a contact yields
     starts at a fifth of the stroke, the Stribeck velocity at a tenth of the largest speed (99th percentile).
-    Maxwell slip comes with 1, 2, ... `max_elements` elements that yield one after the other. Parameters that
-    a prescribed motion does not show are not fitted: stiction of `StictionCoulombViscous`, and damping of the
-    reset integrator's bristle.
+    Maxwell slip comes with 1, 2, ... `max_elements` elements that yield one after the other. Stiction of
+    `StictionCoulombViscous`, stiction and bristle damping of the reset integrator, and sigma_2 of laws with
+    other elements are not fitted.
 
     Args:
         recordings: with position [m] (rad) and friction_force [N] (N m).
@@ -133,7 +133,8 @@ def compare_laws(
         channel_free: free parameters of the force channel, the same for all laws, such as "bias",
             "curvature" or "drift".
         progress: called before each law with a text and the fraction of laws that is done.
-        options: further arguments of `identify_loops`.
+        options: further arguments of `identify_loops`; they replace settings of the candidates of the same
+            name.
 
     Returns:
         The fits and the goodness of their predictions, by the label of the law.

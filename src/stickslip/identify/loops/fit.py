@@ -115,9 +115,9 @@ def identify_loops(
         reference_normal_force: N; the recordings then have normal_force [N], and the law's forces follow it,
             in proportion unless load_exponent is free. By default, the normal force is constant.
         bounds: lower and upper bound of free parameters by name, in SI or as strings. By default they are
-            searched within a factor 30 of the initial guess and of an estimate from the size of the loops
-            first, and then as far as the law allows. For values of the channel that estimate is the largest
-            force, half its inverse, or the inverse of the duration.
+            first searched within a factor 30 of the initial guess and of an estimate from the size of the
+            loops; for the channel up to the largest force, half its inverse, the inverse of the duration, 0.9
+            (asymmetry), or from 0.2 to 2 (load_exponent); and then as far as the law allows.
         priors: value and standard deviation of free parameters by name, as for `identify_friction`; priors
             need a given noise.
         tied: parameters that follow from others, as for `identify_friction`:

@@ -39,8 +39,9 @@ FLAT = 0.05
 def profile_points(
     fit: Fit, parameters: Sequence[Parameter], described: Callable[[Sequence[Parameter]], Problem]
 ) -> tuple[Fit, ...]:
-    """Return fits with the Stribeck velocity fixed at `POINTS` values over its confidence interval; an empty
-    tuple if the interval is narrow, or if the velocity is not free or the only free parameter.
+    """Return fits with the Stribeck velocity fixed at up to `POINTS` values over its confidence interval,
+    without values that cannot be simulated; an empty tuple if the interval is narrow, or if the velocity is
+    not free or the only free parameter.
 
     If a value ended at its bound, the interval is not usable, and the bounds of the velocity are used.
 
@@ -74,7 +75,8 @@ def ladder(
     parameters: Sequence[Parameter],
     described: Callable[[Sequence[Parameter]], Problem],
 ) -> tuple[Fit, ...]:
-    """Return fits with one value fixed at increasing distances from the estimate, on either side.
+    """Return fits with one value fixed at increasing distances from the estimate, first below and then above
+    it.
 
     A side ends after `RUNGS` fits, when noise rejects two successive ones, when the model cannot be computed
     or, upwards, when two successive ones fit equally well.
@@ -133,7 +135,8 @@ def _fixed(
 
 
 def with_profile(fit: Fit, points: Sequence[Fit], name: str = NAME, less: float = 1.0) -> Fit:
-    """Return the fit with intervals that contain all points that the noise does not reject.
+    """Return the fit with intervals that contain all converged points that the noise does not reject; they
+    are added to its `minima`.
 
     Args:
         fit: fit of all parameters.

@@ -94,6 +94,9 @@ def response_of(
         reference: normal force [N] for which the law holds; None if the normal force is constant.
         origin: time at which the drift is zero, s.
         tolerance: largest error of the deflections, m.
+
+    Raises:
+        RecordingError: a channel is missing or unsuitable.
     """
     time = recording["time"].values
     position = channel(recording, "position", name, varies=True)

@@ -35,8 +35,8 @@ def loop_starts(
 
     Coulomb friction starts at half the range of the force. The contact yields over some share of the stroke,
     so there is one initial stiffness for each of `YIELDS`. For a law of several elements, all stiffnesses
-    keep their ratios, and so do all strengths. Without a free force or stiffness on a logarithmic scale, the
-    parameters are unchanged and there are no further guesses.
+    keep their ratios, and so do all strengths. Without a free force or stiffness on a logarithmic scale, or
+    if force or position is constant, the parameters are unchanged and there are no further guesses.
 
     Args:
         parameters: parameters with the user's initial guess.

@@ -73,7 +73,8 @@ def chosen(
 
     Args:
         observed: the recordings.
-        shapes: forms of the model to compare.
+        shapes: forms of the model to compare. Of neighbours that differ only in the square, the one with it
+            is last.
         operators: number of plays; None: the choice compares the numbers in `PLAYS`.
         creep: True: with creep; False: without; None: the choice compares both.
         time_constants: time constants of the creep, s; by default two per decade from 0.1 s to the length of

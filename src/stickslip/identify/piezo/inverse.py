@@ -94,7 +94,7 @@ def inverse_residual(fit: Fit, drive: Sampled, positions: ArrayLike) -> float:
 
     Args:
         fit: fit of `identify_piezo`.
-        drive: result of `inverse_drive`.
+        drive: result of `inverse_drive` for these positions, without a given `rest_voltage`.
         positions: m, shape (n,), wanted positions.
 
     Raises:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 # Largest mean difference between the channel drive_voltage and its waveform over the recording, relative to
-# the range of the waveform.
+# the range of the waveform. Half the mean difference without any drive is a second limit.
 ALIKE = 0.1
 # Largest mean difference between the channel drive_voltage and its waveform over the worst period, relative
 # to the range of the drive. The channel may be late, slewed and noisy.

@@ -178,6 +178,12 @@ def drive_over(
             its drive_voltage (see `recorded_drive`).
         where: name of the recording in messages.
         slew_rate: rate at which the amplifier follows jumps of the recording's own drive, V/s; None: at once.
+
+    Raises:
+        RecordingError: without a waveform, the channel drive_voltage is unsuitable.
+
+    Warns:
+        RecordingWarning: see `recorded_drive`.
     """
     (recording,), (drive,) = taken_drives([recording], drive, slew_rate)
     time = recording["time"].values

@@ -1,4 +1,4 @@
-"""Checks of recordings before any fit: pure noise, swapped columns, a wrong sign, a wrong unit.
+"""Checks of recordings and of fitted values: pure noise, swapped columns, a wrong sign, a wrong unit.
 
 A fit cannot explain such a recording, or explains it by values that are wrong by the same factor.
 """

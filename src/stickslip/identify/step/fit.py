@@ -84,7 +84,8 @@ def identify_step(
         model: actuator for the result. Its `piezo`, taken as known and annealed before each step, is part of
             the model; the gain multiplies its output.
         voltages: height of each step, V; by default from drive_voltage.
-        start: instant of the steps in the time of the recordings, s; by default from drive_voltage.
+        start: instant of the steps in the time of the recordings, s; by default, or without `voltages`, from
+            drive_voltage.
         filter: low-pass filter that the position went through, if it is known; its analogue counterpart is
             part of the model. Otherwise delay and lag approximate it.
         slew_rate: slew rate of the amplifier into the piezo, V/s, if known. By default the step is a jump.
@@ -107,7 +108,8 @@ def identify_step(
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled;
             or the position is noise, or swapped with the drive.
-        QuantityError: an expression in `tied` is wrong, or a piezo model whose steps have no closed form.
+        QuantityError: an expression in `tied` is wrong, a piezo model has no closed form of its steps, or the
+            position is in m for a rotary model or in rad for an inclined one.
         FitError: as `fit_least_squares`.
     """
     piezo = None if model is None else model.piezo

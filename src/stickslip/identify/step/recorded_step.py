@@ -29,7 +29,8 @@ class StepTest(NamedTuple):
     """One recording of a step.
 
     Fields: `name` of the recording; `time` of the samples since the step, s, [n]; `position`, m (rad), [n];
-    `voltage`, the height of the step, V; `rest`, the drive voltage before the step, V (0 if not recorded).
+    `voltage`, the height of the step, V; `rest`, the drive voltage before the step, V (0 if height and
+    instant of the step were given).
     """
 
     name: str
@@ -45,13 +46,14 @@ def step_tests(
     start: float | str | None = None,
     observed: str = POSITION,
 ) -> list[StepTest]:
-    """Return the step of each recording; height and instant come from drive_voltage [V], unless they are
+    """Return the step of each recording; height and instant come from drive_voltage [V], unless both are
     given.
 
     Args:
         recordings: one or several recordings of one step each.
         voltages: height of each step, V; None: from drive_voltage.
-        start: instant of all steps in the time of the recordings, s; None: from drive_voltage.
+        start: instant of all steps in the time of the recordings, s, which counts only with `voltages`; None:
+            from drive_voltage.
         observed: name of the position channel.
 
     Raises:

@@ -138,13 +138,15 @@ def compare_walks(
         recordings: walks to fit, as for `identify_friction`.
         verification: walks that are not fitted; each fit predicts them.
         model: the actuator; its law is replaced.
-        laws: the candidates, from `walk_candidates` or your own.
-        channel_free: free parameters of the position channel ("delay", "offset"), the same for all laws.
+        laws: the candidates, from `walk_candidates` or your own; their `priors` are not used.
+        channel_free: free parameters of the position channel ("delay", "offset"), the same for all laws; the
+            static model always has both.
         bounds: bounds by name, in SI or as strings; each fit uses those of its own free parameters.
         unseen_drive: waveform of each verification recording, or one for all; None: as recorded. It is needed
             if `drive` is given for the fitted recordings.
         progress: called before each law with a text and the fraction of laws that is done.
-        options: further arguments of `identify_friction`.
+        options: further arguments of `identify_friction`, which replace settings of the candidates; the
+            static model takes only `slew_rate` and `drive`.
 
     Returns:
         The fits and the goodness of their predictions, by the label of the law.

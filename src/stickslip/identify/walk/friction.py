@@ -170,8 +170,9 @@ def identify_friction(
         FitError: see `fit_least_squares`.
 
     Warns:
-        RecordingWarning: the drive comes from a drive_voltage whose samples do not resolve its jumps; or a
-            walk is sampled more coarsely than the stage vibrates.
+        RecordingWarning: the drive comes from a drive_voltage whose samples do not resolve its jumps; a walk
+            is sampled more coarsely than the stage vibrates; or drive_voltage differs from the given drive
+            for a whole period.
     """
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     found = recordings_of(recordings)

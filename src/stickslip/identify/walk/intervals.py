@@ -119,7 +119,8 @@ def refuse_joint(fit: Fit, what: str) -> None:
 
 def _end(q: float, side: float, reach: float, bound: float, t: float, distance: Any, fit: Fit) -> float:
     """Return the coordinate q at which the profile's distance reaches the threshold `t` on one side of the
-    estimate; `bound` if the distance stays below the threshold.
+    estimate; `bound` if the distance stays below the threshold; after `MOST_STEPS` fits the next coordinate
+    to try.
 
     Secants find the coordinate in few fits, because the distance is nearly linear.
 

@@ -30,8 +30,8 @@ def moved_by(
     drives: Sequence[Waveform | None],
     slew_rate: float | None,
 ) -> Array:
-    """Return the change of the simulated positions, m (rad), with each alternative stage, shape (samples of
-    all walks, stages).
+    """Return the change of the simulated positions, m (rad), from the fitted to each alternative stage, shape
+    (samples of all walks, stages).
 
     Args:
         fit: fit of the walks.
