@@ -158,7 +158,7 @@ def only_reading(show_traceback: bool) -> Iterator[None]:
 
 
 def _reader_is_gone() -> bool:
-    """Return True if the program that reads the printed output has ended, such as `head`.
+    """Print a newline; return True if the program that reads the printed output, such as `head`, has ended.
 
     Otherwise a broken pipe has another cause, such as a lost connection to a rig, and is an error.
     """

@@ -1,7 +1,8 @@
 """Demonstration: the campaign of [kang2007] on the virtual rig, and models of published measurements.
 
-The campaign and the identification files come from `stickslip.examples`; each runs as with ``stickslip
-identify``. If the data of a part are missing and cannot be downloaded, the report says which and why.
+The campaign and the identification files come from `stickslip.examples`; they run as with ``stickslip
+campaign`` and ``stickslip identify``. If the data of a part are missing and cannot be downloaded, the report
+says which and why.
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ class JobRun:
     """State of a running job: its output folder `out`, and the results of the steps so far.
 
     `figures` is True if figures are drawn. `experiment` is the content and the folder of the last recorded
-    experiment, None before one. `results` is the results.json of the last identification, None before one.
-    `number` (from 1), `file` (of the content), `folder` (of the relative paths in the content) and
-    `progress` belong to the present step.
+    experiment, None before one. `results` is the path of the results (JSON) of the last identification, None
+    before one. `number` (from 1), `file` (of the content), `folder` (of the relative paths in the content)
+    and `progress` belong to the present step.
     """
 
     def __init__(self, out: Path, figures: bool) -> None:

@@ -1,7 +1,6 @@
 """The control panel in the browser: routes, one WebSocket stream and the page's files; no physics.
 
-All its numbers come from the public functions that the command line calls. A notebook that only shows plots
-needs no server.
+All its numbers come from the package's other modules. A notebook that only shows plots needs no server.
 """
 
 from .._lazy import attach

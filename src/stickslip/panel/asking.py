@@ -25,10 +25,12 @@ class Asker(NamedTuple):
     role: str = "maintain"
 
     def named(self, operator: str) -> str:
-        """Return the name for the log: the operator, followed by page and role in parentheses.
+        """Return the name for the log: the operator, followed in parentheses by the page, if any, and the
+        role.
 
         `operator` is the operator's name in the experiment file, "" if the file names nobody; the result then
-        says "somebody". Outside of requests the result is the operator's name alone, or "the panel".
+        says "somebody". The page is named by the first 6 digits of `page`. Outside of requests the result is
+        the operator's name alone, or "the panel".
         """
         if not self.address:
             return operator or "the panel"

@@ -1,5 +1,5 @@
-"""Routes of the Bench page: experiment, choice of the rig, start, stop and home of runs, notes, zoom into
-live curves, files."""
+"""Routes of the Bench page: experiment and its files, choice of the rig, start and stop of runs, home, notes,
+zoom into live curves; also the messages for an emergency stop and heartbeats."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Change(Strict):
     """Request to change one value in the content of the experiment file on the bench.
 
     `path` lists the keys of mappings and the indices (from 0) of lists that lead to the value. A `value` of
-    null deletes the key.
+    null deletes a key of a mapping; an entry of a list becomes null.
     """
 
     path: list[str | int]
@@ -78,8 +78,8 @@ class Note(Strict):
 class Window(Strict):
     """Request for a part of the curves of the current or last run, to zoom in.
 
-    `trace` is the number of the curves, which counts since the panel started. `begin` and `end` [s] count
-    from the start of the drive. `points` is the wished number of points of each curve.
+    `trace` is the number of this run, counted since the panel started. `begin` and `end` [s] count from the
+    start of the drive. `points` is the wished number of points of each curve.
     """
 
     trace: int
@@ -102,7 +102,8 @@ def bench_routes(
     """Return the router with the routes of the Bench page, below "/bench".
 
     The function also adds to `hub` the state that a new page receives, and the handlers of the messages
-    "emergency_stop" and "beat" (heartbeat of the page in control).
+    "emergency_stop" and "beat" (heartbeat of the page in control). It sets `document.limits_change`, which
+    checks the role of whoever changes limits.
 
     Args:
         folder: the panel's folder.
@@ -110,7 +111,7 @@ def bench_routes(
         control: which page controls the rig.
         journal: log of the panel.
         runner: current run.
-        live: samples of the current run.
+        live: samples of the current or last run.
         document: experiment on the bench.
         starter: start of runs and notes.
         interlocks: interlock of the rig; an emergency stop disarms the rig.
@@ -212,9 +213,10 @@ def _add_experiment(
     runner: Runner,
     document: BenchDocument,
 ) -> None:
-    """Add the routes that change, undo, load and save the experiment, and choose its rig.
+    """Add the routes that change, undo, list, load and save experiments, and list and choose rigs.
 
-    Every change is sent to all pages through `hub`.
+    All but the lists need control of the rig. Loading and choosing are refused during a run. Every change is
+    sent to all pages through `hub`. The function also sets `document.limits_change`.
     """
 
     def limits_change(before: Limits, after: Limits) -> None:

@@ -13,27 +13,29 @@ MOST_CONNECTIONS = 400  # largest number of connections open at the same time
 # Interval between two checks of a connection, s. By the first check a new connection must have sent the head
 # of a request.
 PATIENCE = 10.0
-# Number of successive checks without progress after which a connection is closed. It applies to a client that
-# sends only a part of a request, or does not read its answer.
+# Number of successive checks that find the same unfinished request, after which a connection is closed. It
+# applies to a request that is not complete and to an answer that is not read to its end, also if they proceed
+# slowly.
 _BODY = 6
 
 
 class BoundedConnection(H11Protocol):
     """HTTP connection of uvicorn with a time limit; the number of connections is limited, too.
 
-    A connection is closed if it is silent or sends only a part of a request for too long (see `PATIENCE` and
-    `_BODY`). If more than `MOST_CONNECTIONS` are open, the oldest one without a request in progress is closed
-    at once; if all have one, the new connection.
+    A connection is closed if it is silent, or if sending a request or reading its answer takes too long (see
+    `PATIENCE` and `_BODY`). If more than `MOST_CONNECTIONS` are open, the oldest one without a request in
+    progress is closed at once, which may be the new one.
     """
 
     _timer: TimerHandle | None = None
-    _served: Any = None  # request that was served at the last check; None for none
-    _looks = 0  # number of successive checks at which the client had made no progress
+    _served: Any = None  # last request, as it was at the last check; None for none
+    _looks = 0  # number of successive checks with the same request that waits for the client
 
     def connection_made(self, transport: Any) -> None:
         """Start the timer of a new connection.
 
-        If more than `MOST_CONNECTIONS` are open, close the oldest idle one, or else the new one.
+        If more than `MOST_CONNECTIONS` are open, close the oldest one without a request in progress, which
+        may be the new one.
         """
         super().connection_made(transport)
         self.since = self.loop.time()

@@ -24,11 +24,14 @@ class ControlError(ValueError):
 class Control:
     """Record of which page controls the rig. Every change is sent to all pages.
 
+    On construction it adds to `hub` its greeting, and the handlers of the messages "ask_control" and
+    "hand_over".
+
     Attributes:
         holder: secret of the page in control, "" if no page has control.
         asking: secret of the page that asks for control, "" if no page does.
-        gone: functions without arguments, called when the page in control lost its connection and did not
-            come back within `PATIENCE`.
+        gone: functions without arguments, called by `watch` when the page in control lost its connection and
+            did not come back within `PATIENCE`.
     """
 
     def __init__(self, hub: Hub, clock: Callable[[], float] = time.monotonic) -> None:
@@ -42,10 +45,10 @@ class Control:
         hub.hears["hand_over"] = lambda client, said: self.hand_over(client)
 
     def ask(self, identity: str) -> None:
-        """Give control to the page with the secret `identity` if it is free; otherwise note its request.
+        """Give control to the page with the secret `identity` if control is free; otherwise note its request.
 
-        The change is sent to all pages, so that the page in control can show the request. A request of the
-        page in control changes nothing.
+        The state is then sent to all pages, so that the page in control can show the request. A request of
+        the page in control changes nothing.
         """
         with self._lock:
             if not self._free():
@@ -67,7 +70,8 @@ class Control:
     def need(self, identity: str) -> None:
         """Check that a page has control of the rig, before its request is executed.
 
-        The page gets control if it is free. `identity` is the page's secret, from the header X-Client.
+        The page gets control if control is free; this is sent to all pages. `identity` is the page's secret,
+        from the header X-Client.
 
         Raises:
             ControlError: another page has control, or `identity` is empty.

@@ -1,4 +1,5 @@
-"""Routes of the Design page: step maps, searches for a drive, Pareto fronts, motions, expected intervals.
+"""Routes of the Design page: step maps, searches for a drive, Pareto fronts, motions, expected confidence
+intervals.
 
 The route "/send" puts a designed drive on the bench, as a run of the experiment.
 """
@@ -28,9 +29,9 @@ from .sets import Sets
 from .stream import Hub
 
 DESIGNED = "designed"  # name of the run of the experiment on the bench that has the designed drive
-# A designed drive on the bench. LENGTH: duration of the drive, s. REST: time that is recorded after the
-# drive, s. FEWEST: smallest number of periods, even if they take longer than LENGTH. The drive is short
-# because a fast one soon leaves the range of a sensor.
+# A designed drive on the bench. LENGTH: shortest duration of the drive, s. REST: time by which the recording
+# is longer than the drive, s; half of it is before the drive. FEWEST: smallest number of periods, even if
+# they take longer than LENGTH. The drive is short because a fast one soon leaves the range of a sensor.
 LENGTH, REST, FEWEST = 0.1, 0.1, 8
 _TOLD = 0.1  # shortest time between two messages on the progress of a search, s
 
@@ -40,17 +41,18 @@ Made = TypeVar("Made")
 class Searches:
     """Runs at most one search for a drive at a time.
 
-    All pages receive its finished fraction as messages "design", and can stop it. A stopped search returns
-    the best drive so far; without one, an error is raised.
+    All pages receive its finished fraction as messages "design", and can stop the search. A stopped search
+    returns the best drive so far; if there is no drive yet, an error is raised.
     """
 
     def __init__(self, hub: Hub) -> None:
         self._hub, self._busy, self._stop = hub, threading.Lock(), threading.Event()
 
     def run(self, search: Callable[[Progress], Made]) -> Made:
-        """Run a search for a drive and return its result.
+        """Run a search for a drive in this thread, and return its result.
 
-        `stop` ends the search: the next call of its progress callback raises KeyboardInterrupt.
+        `stop` ends the search: the next call of its progress callback raises KeyboardInterrupt, at which the
+        search should return its best drive so far.
 
         Args:
             search: takes a progress callback, which it calls with the activity in words and the finished
@@ -89,14 +91,14 @@ def design_routes(
 ) -> APIRouter:
     """Return the router with the routes of the Design page, below "/api/design".
 
-    A wrong value, or a motion that cannot be simulated, is answered with status 422, the reason as `error`
-    and the field of the request as `field`.
+    A value out of range, a motion that cannot be simulated, or a second search at the same time is answered
+    with status 422, the reason as `error` and the field of the request as `field`.
 
     Args:
         sets: parameter sets on offer.
-        searches: the search in progress.
-        control, journal, hub, document: control of the rig, log, stream and experiment, which the route
-            "/send" needs.
+        searches: runs the searches for a drive.
+        control, journal, hub, document: control of the rig, log, stream and experiment. The route "/send"
+            needs control, and replaces the run `DESIGNED` of the experiment.
     """
     routes = APIRouter(prefix="/api/design")
 
@@ -166,8 +168,9 @@ def design_routes(
 def bench_run(drive: of.DesignedDrive, runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Return a run with this drive, as an entry of "runs" in an experiment file.
 
-    The run lasts for `LENGTH`, but at least `FEWEST` periods, and is recorded for `REST` longer. It is
-    sampled at the shortest interval of the other `runs`, or at the rig's full rate if they give none.
+    The drive lasts for `LENGTH` or slightly longer, but at least `FEWEST` periods. The recording is longer by
+    `REST`, half of it before the drive. It is sampled at the shortest interval of the other `runs`, or at the
+    rig's full rate if they give none.
     """
     waveform = of.from_lowest(drive.waveform())
     periods = max(FEWEST, math.ceil(LENGTH / waveform.period))

@@ -1,8 +1,9 @@
 """Requests of the Design page and their answers: input fields, step map, search for a drive, Pareto front,
 motion, and expected confidence intervals.
 
-Requests contain an actuator with its load. The functions that answer a request also take `sets`, the
-parameter sets on offer, and raise QuantityError or SimulationError for values that cannot be used.
+A request contains an actuator with its load; only `DesignedDrive` is a drive alone. The functions that answer
+a request also take `sets`, the parameter sets on offer, and raise QuantityError or SimulationError for values
+that cannot be used.
 """
 
 from __future__ import annotations
@@ -42,12 +43,13 @@ ROWS = 3
 # sets need.
 MAP_SECONDS = 10.0
 # SLOWEST: lowest frequency of a map, Hz. FASTEST: highest frequency, Hz, for a stage without dynamics. For a
-# stage with dynamics the highest frequency is twice its natural frequency, at most 10 kHz.
+# stage with dynamics the highest frequency is twice its natural frequency, at most 10 kHz and at least twice
+# SLOWEST.
 SLOWEST, FASTEST = 5.0, 1000.0
 # Length of the recording for which `told` predicts confidence intervals, s.
 RECORDED = 0.4
 KNOTS = 8  # default number of corners (knots) per period of the drive that a search finds
-# Half the width of a confidence interval over the value of the parameter, from which on the page shows the
+# Relative half width of a confidence interval (half width over value) from which on the page shows the
 # parameter as "not identified".
 NOT_TOLD = 10.0
 # Sampling of the recording for which `told` predicts intervals. SAMPLED: lowest rate, Hz. PER_PERIOD:
@@ -189,7 +191,8 @@ class DriveSearch(MapRequest):
         """Return the actuator under its load, and the keyword arguments of the searches for a drive.
 
         The arguments are those that `design.optimise_waveform` and `design.waveform_front` share: knots,
-        max_voltage, scenarios (the loads) and output (the limits).
+        max_voltage, scenarios (the loads at -`spread` and +`spread`; none if `spread` is 0) and output (the
+        limits).
         """
         model = self.loaded(sets)
         spread, unit = _checked(model, "spread", self.spread), unit_for(model, "N")
@@ -283,7 +286,7 @@ def searched(asked: DriveSearch, sets: Sets, progress: Progress) -> dict[str, An
     Keys: "drive" and "sawtooth" (see `described`); "value" and "sawtooth_value", their lowest speeds over all
     loads [m/s, or rad/s]; "conditions", for each load its name and both speeds, "value" and "sawtooth";
     "evaluations", the number of computed periodic motions; "interrupted", True if the search was stopped;
-    "fell_back", True if no drive better than the sawtooth was found.
+    "fell_back", True if no better drive was found, so that "drive" is the sawtooth.
     """
     model, common = asked.asked(sets)
     found = design.optimise_waveform(model, goal="speed", progress=progress, **common)

@@ -46,7 +46,7 @@ class Checked(NamedTuple):
     Attributes:
         content: content of the file, a mapping as in YAML.
         file: the same content as a record.
-        cells: recordings to make: one for each run and each combination of the values in its matrix.
+        cells: recordings to make: one for each run, repeat and combination of the values in the run's matrix.
         units: unit of each recorded channel, by name.
         can: capabilities of the rig.
         limits: limits of output and position, from the file.

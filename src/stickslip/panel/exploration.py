@@ -30,7 +30,7 @@ from .sliders import law_types, shapes
 
 # Numbers of sampling times. POINTS: over the whole time. LOOP_POINTS: over the last period, drawn as the
 # friction loop. RING_POINTS, LOOP_RING_POINTS: over the decaying vibration (ring-down) after each break, a
-# jump or corner of the drive; the second applies to breaks in the last period.
+# jump or corner of the drive; the second applies to the last four breaks since the start of the last period.
 POINTS, LOOP_POINTS, RING_POINTS, LOOP_RING_POINTS = 1200, 200, 40, 300
 # Length of a ring-down, as a multiple of 1 over the stage's natural frequency [rad/s]: about six periods of
 # vibration.
@@ -103,8 +103,8 @@ class Model(Strict):
 class SliderState(Model):
     """State of the Explore page: an actuator, its drive, and the duration of the simulation.
 
-    `shape` is the name of a waveform, `waveform` has its fields (numbers in SI, or texts with units), and
-    `duration` is in s.
+    `shape` is the name of a waveform, and `waveform` has its fields. These and `duration` are numbers in SI,
+    or texts with units.
     """
 
     shape: str

@@ -1,7 +1,7 @@
 """Separate process that runs the fits of the Identify page, so that a fit can be cancelled at any time.
 
 The panel's stream of messages never waits for it. The process starts when the Identify page is first opened,
-so that its imports are finished before the first fit, and a panel without fits does not need them.
+so that its imports are finished before the first fit. A panel without fits does without these imports.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ class FitTask(NamedTuple):
 def work(connection: Connection, root: str, used: Sequence[str] = ()) -> None:
     """Run fits, one after the other, until the panel closes the connection. It is the main function of the
     process.
+
+    It ignores Ctrl-C and lowers the priority of the process.
 
     Args:
         connection: gives a `FitTask` for each fit, and takes messages, tuples of kind, fields and float32

@@ -26,11 +26,14 @@ MOST_CURVES = 32_000_000
 
 
 class Fitting:
-    """Current or last fit of a panel; all pages show the same fit.
+    """Current or last fit of a panel; all pages show the same fit. At first it is the newest finished fit in
+    the folder.
 
     Attributes:
         state: state of the fit as pages receive it. "phase" is "none", "running", "done", "failed" or
-            "cancelled"; the other keys are the fields of the messages so far, see `fit_recordings`.
+            "cancelled"; "request" is the `FitRequest`, "doing" the present activity, "elapsed" the time since
+            the start [s]. The other keys are the fields of the messages so far, see `fit_recordings`; those
+            of "step" are under "step".
         frames: curves of the fit by the kind of their message, packed for the page (see `packing.packed`).
     """
 

@@ -56,11 +56,12 @@ Say = Callable[[str, dict[str, Any], Sequence[Array]], None]
 def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> None:
     """Fit as requested, verify the fit, write its report, and send messages on the progress.
 
-    Messages in order, each with its fields and curves: "hysteresis"; "stage"; "recordings" (names, unit; time
-    and position of each); "step", often (values so far, rmse, evaluations; position of the model in each
-    recording); "fitted" (fit, model, correlation, advised); "verified" (verification; time, measured and
-    predicted position of each); "report" (report, notes). Messages on recordings that the request does not
-    name are left out.
+    Messages in order, each with its fields and curves: "hysteresis" (hysteresis, hysteresis_said); "stage"
+    (stage, step_names; time, measured and modelled position of each step); "recordings" (names, unit; time
+    and position of each walk); "step", often (values so far, rmse, evaluations; position of the model in each
+    walk); "fitted" (fit, model, correlation, advised); "verified" (verification; time, measured and predicted
+    position of each); "report" (report, notes). Messages on recordings that the request does not name are
+    left out.
 
     Args:
         request: recordings, initial guess and free parameters.
@@ -69,8 +70,8 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
         say: called with kind, fields and curves of each message.
 
     Raises:
-        RecordingError, QuantityError, FitError: a recording cannot be read, a value is wrong, or the fit
-            failed; see `identify_friction`.
+        RecordingError, QuantityError, FitError: a recording cannot be read, a value is wrong, a free
+            parameter is given by the steps, or the fit failed; see `identify_friction`.
     """
     start = request.actuator(Sets(folder))
     rate = None if request.slew_rate is None else to_si(request.slew_rate, "V/s", "slew_rate")

@@ -83,8 +83,8 @@ class Folder:
     def files(self, *suffixes: str) -> list[File]:
         """Return all files of the folder whose names end with one of `suffixes` (".nc"), the newest first.
 
-        Hidden files and links that lead out of the folder are left out. Only zarr.json is listed of a study's
-        store.
+        Hidden files, the content of linked folders, and links that lead out of the folder are left out. Only
+        zarr.json is listed of a study's store.
         """
         return [*self._shared(suffixes, lambda: self._files(suffixes))]
 

@@ -32,7 +32,7 @@ from .uploading import add_uploads
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_ROWS = 500  # largest number of runs in a list; the page also gets the number of all, and can search
+MOST_ROWS = 500  # largest number of runs or log lines in a list; the page also gets the number of all runs
 MOST_COMPARED = 8  # largest number of recordings drawn over each other
 _LEFT_OUT = ("settings", "channels", "bytes")  # columns of the index that a list of runs leaves out
 

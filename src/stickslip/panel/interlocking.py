@@ -84,7 +84,8 @@ class Interlocks:
         return isinstance(self._document.checked.file.rig, VirtualRigSpec)
 
     def need(self) -> None:
-        """Raise InterlockError if the interlock would refuse a run now, so that a page learns this at once.
+        """Update `state`; raise InterlockError if the interlock would refuse a run now. A page thus learns
+        this at once.
 
         The rig's process checks again when the run starts.
         """
@@ -110,6 +111,9 @@ class Interlocks:
 
     def act(self, do: str, **what: Any) -> None:
         """Execute an act of the page whose request is being answered, log it, and update `state`.
+
+        The act is sent through the panel's own connection, which stays open; if needed, the rig's process is
+        started. A refused act is not logged here.
 
         Args:
             do: "arm" or "disarm" the output, "acknowledge" a fault, or "permit".
@@ -213,8 +217,8 @@ _DONE = {"arm": "armed", "disarm": "disarmed", "acknowledge": "fault acknowledge
 def interlock_routes(control: Control, interlocks: Interlocks) -> APIRouter:
     """Return the router with the routes of the interlock, below "/interlock".
 
-    The page in control may arm, acknowledge a fault and give permits. Every page may disarm, and withdraw
-    permits. Each answer is the new state, see `Interlocks`.
+    The page in control may arm, acknowledge a fault and give permits, with the role "operate". Every page may
+    disarm, and withdraw permits. Each answer is the new state, see `Interlocks`.
     """
     routes = APIRouter(prefix="/interlock")
 

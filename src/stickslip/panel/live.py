@@ -54,6 +54,8 @@ class Live:
     ) -> None:
         """Start a run: discard the previous samples, and send the title and the channels to the pages.
 
+        Samples of the previous run that were not sent yet are sent first.
+
         Args:
             title: title of the run.
             columns: a dictionary for each channel: "name", "unit" and "label".
@@ -158,7 +160,7 @@ class Live:
         The message has the times, counted from `begin`, and the values of each channel.
 
         Args:
-            trace: number of the run's curves since the panel started.
+            trace: number of the run, counted since the panel started.
             begin, end: limits of the part, s from the start of the drive.
             points: wished number of points of each curve.
 

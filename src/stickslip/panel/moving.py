@@ -63,10 +63,11 @@ SETTINGS = ("amplitude", "frequency", "tolerance")  # fields of `Stepping` that 
 
 
 class LoopSettings(fields_of(Stepping, *SETTINGS)):
-    """Settings of the control loop, and some fields of `control.Stepping`; null keeps the tuned value.
+    """Settings of the control loop, and some fields of `control.Stepping`.
 
-    `input` is the input with the position sensor, "" for the first. `bandwidth` [Hz] is K_i gain / (2 pi) and
-    `proportional` is K_p gain, with the piezo's gain. `corner` [Hz] is that of the low-pass filter.
+    `input` is the input with the position sensor, "" for the first. `bandwidth` [Hz], the integral gain times
+    the piezo's gain over 2 pi, and `corner` [Hz] of the low-pass filter keep the tuned value if null.
+    `proportional` is the proportional gain times the piezo's gain.
     """
 
     input: str = ""
@@ -142,8 +143,8 @@ def _range(tuned: float, low: float, high: float) -> dict[str, float]:
 
 
 class Moves:
-    """Moves of the rig on the bench. A session lasts from the first command to a release or stop, or
-    `AT_MOST`."""
+    """Moves of the rig on the bench. A session lasts from the first command to a release, a stop, the loss of
+    the page in control, or `AT_MOST`."""
 
     def __init__(
         self,
@@ -232,10 +233,11 @@ class Moves:
         return plausibility(made.cell.actuator, made.output, frequency, span, table=table)
 
     def response(self, asked: LoopSettings) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
-        """Return margins of the loop, and its responses to a unit step over "time" [s], arrays [ticks].
+        """Return "margins" of the loop and "refused" (why they are too low, or ""), and responses to a unit
+        step.
 
-        "refused" says why the margins are too low, or "". "model" is the actuator's response; "low" and
-        "high" are the lowest and highest of the actuator and the models with other natural frequencies.
+        The responses are arrays [ticks] over "time" [s], cut to -3..5: "model" is that of the actuator; "low"
+        and "high" are the lowest and highest of the actuator and the models with other natural frequencies.
         """
         made = self.prepared()
         regulator, rate = made.regulator(asked), made.can.update_rate
@@ -255,8 +257,8 @@ class Moves:
         }
 
     def act(self, asked: Act) -> None:
-        """Execute a command; it starts a session if none is active. A command that is refused with a
-        ValueError or RigError puts nothing out."""
+        """Execute a command. Without a session "go", "steps" or "jog" starts one, and "halt" does nothing. A
+        command refused with a ValueError or RigError puts nothing out."""
         do = asked.what.get("do")
         with self._lock:
             self._jogged = time.monotonic() if do == "jog" else self._jogged

@@ -1,6 +1,7 @@
 """Routes of the next steps after a fit: save a parameter set, predict, send the drive to the bench, verify.
 
-Each step leaves a file with links to its sources, by name. The pages Identify and History show the links.
+All but sending leave a file with links to its sources, by name; a recording of a sent drive is linked when
+its run ends. The pages Identify and History show the links.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ PREDICTED = "predicted"  # name of the run of the experiment that has the predic
 SAID = "As predicted in "
 _SAMPLES = 4000  # number of samples of a prediction, drive and rest together
 _LONGEST = 60.0  # longest drive of a prediction, s
-_REST = 0.2  # time after the drive that is simulated or recorded, too, s
+# time that is simulated after the drive, s; a recording on the bench is twice this longer than its drive
+_REST = 0.2
 _PATIENCE = 300.0  # longest time of a verification, s; then its process is ended
 
 
@@ -181,7 +183,8 @@ def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
     """Return the names of the results that were made from the fit with the name `name`.
 
     Keys: "sets", "predictions" (with these sets), "recordings" (with the drive of such a prediction),
-    "verifications", and "others": at most 100 recordings, not used by the fit, on which it can be verified.
+    "verifications", and "others": at most 100 readable recordings, not among the fit's walks and steps, on
+    which it can be verified.
     """
     with Index(folder.root, read) as index:
         index.patience = READING

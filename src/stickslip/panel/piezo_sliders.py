@@ -100,8 +100,8 @@ def _crept(creep: Creep | None, per_decade: float) -> Creep | None:
 def _stretched(law: Any, share: float) -> PrandtlIshlinskii | None:
     """Return play operators with hysteresis, whose weights are the part `share` of all weights.
 
-    They are the scaled operators of `law`. Default operators are used if `law` has none with hysteresis, or
-    none with threshold 0; for these and a share of 0 the result is None.
+    They are the scaled operators of `law`. Default operators are used if `law` is another model or None, or
+    has no operator with hysteresis or none with threshold 0; for these and a share of 0 the result is None.
     """
     if not isinstance(law, PrandtlIshlinskii) or law.thresholds[0] > 0.0 or sum(law.weights[1:]) == 0.0:
         law = PrandtlIshlinskii(THRESHOLDS, (1.0,) * len(THRESHOLDS))

@@ -1,8 +1,8 @@
 """Roles of tokens, from least to most. Each role includes the roles before it.
 
 - watch: see everything, stop the rig, disarm it, withdraw a permit
-- operate: control the rig, and write into the folder
-- maintain: change the rig's limits, and choose the rig
+- operate: control the rig, write into the folder, and change the limit on heartbeats
+- maintain: change the rig's other limits, and choose the rig
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from .asking import asking
 
 ROLES = ("watch", "operate", "maintain")
 # Paths of requests (POST) that the role "watch" may make, besides all GET requests. They neither write nor
-# move anything, or only make the rig safer.
+# move anything, or only make the rig safer; the route that gives permits itself requires more.
 _WATCH = frozenset(
     {
         *("/quantity", "/bench/stop", "/bench/window", "/interlock/disarm", "/interlock/permit"),
@@ -31,7 +31,7 @@ class RoleError(ValueError):
 
 
 def least_role(method: str, path: str) -> str:
-    """Return the least role that a request needs.
+    """Return the least role that a request needs; its route may require a higher one by `need_role`.
 
     `method` is its HTTP method, such as "POST", and `path` the path of its address.
     """

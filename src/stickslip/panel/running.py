@@ -141,7 +141,7 @@ class Runner:
             self._thread.start()
 
     def stop(self, why: str) -> bool:
-        """End the run at once with a ramp to 0 V; `why` is the reason. Return False if nothing was active."""
+        """End a run (ramp to 0 V) and a sequence for the reason `why`; return False if neither was active."""
         asked, stopper = time.perf_counter(), self._stopper
         told = stopper is not None and self._busy and self._stop is None
         if stopper is not None and told:  # the stop is sent first: what follows is slower

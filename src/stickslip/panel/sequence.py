@@ -30,7 +30,8 @@ class Item(Strict):
     """Part of a sequence: a run, repeated for each combination of the values of its variables.
 
     `run` is the name of a run of the experiment. `matrix` lists the values of each variable, as texts with
-    units, by name. `rest` is the time to wait after each run, in s or a text with a unit.
+    units, by name. `rest` is the time to wait after each run, in s or a text with a unit; there is no rest
+    after a failed run or the last one.
     """
 
     run: str
@@ -40,11 +41,11 @@ class Item(Strict):
 
 
 class RunSequence(Strict):
-    """Request for a sequence of runs, the parts of which are its `items`.
+    """Request for a sequence of runs, the parts of which are its `items`, made one after the other.
 
-    `order` is "given" (all repeats of a combination, then the next combination) or "rounds" (all combinations
-    once, then all again). With `home_first` the end-effector walks to position 0 before each run. With
-    `go_on` the sequence continues after a failed run.
+    `order` is "given" (within an item all repeats of a combination, then the next combination) or "rounds"
+    (all combinations of the item once, then all again). With `home_first` the end-effector walks to position
+    0 before each run. With `go_on` the sequence continues after a failed run.
     """
 
     items: list[Item] = Field(min_length=1, max_length=50)
@@ -70,8 +71,8 @@ class Sequencer:
     """Runs one sequence at a time, in a thread. A stop of the run, by any page, also ends the sequence.
 
     `state` is sent to pages: "phase" ("idle", "running", "done", "ended" or "failed"), "at" and "count"
-    (number of the current run, of all runs), "title", "left" (remaining time [s], None if idle) and "said", a
-    message.
+    (number of the current run, of all runs), "title", "left" (remaining time [s], None unless running) and
+    "said", a message.
     """
 
     def __init__(self, hub: Hub, document: BenchDocument, runner: Runner, starter: Starter) -> None:
@@ -96,7 +97,8 @@ class Sequencer:
         """Return all runs of a sequence in order, each checked without an output.
 
         Raises:
-            ValueError, RigError: a run cannot be recorded; the message starts with its title.
+            ValueError, RigError: a run cannot be recorded (the message starts with its title); a run or
+                variable is unknown, a rest is out of range, or there are more than `MOST_STEPS` runs.
         """
         found: list[QueuedRun] = []
         for item in asked.items:
@@ -179,7 +181,7 @@ class Sequencer:
     def _all(self, steps: list[QueuedRun], asked: RunSequence) -> tuple[str, str]:
         """Run all runs in order; return the final phase and a message for the page.
 
-        The phase is "done", or "ended" if the sequence ended before its last run.
+        The phase is "done", or "ended" if a user or a run that failed ended the sequence.
         """
         overhead, failed = _OVERHEAD, 0
         for i, step in enumerate(steps):
@@ -247,7 +249,8 @@ def _left(steps: list[QueuedRun], overhead: float) -> float:
 
 
 def sequence_routes(control: Control, sequencer: Sequencer) -> APIRouter:
-    """Return the router with the routes that check, start and end a sequence, below "/sequence"."""
+    """Return the router with the routes that check, start and end a sequence, below "/sequence"; start and
+    end need control of the rig."""
     routes = APIRouter(prefix="/sequence")
 
     @routes.post("/check")

@@ -107,7 +107,7 @@ def create_app(
     Samples of runs that were killed are first turned into recordings.
 
     Args:
-        folder: the panel's folder: all files are read from it and written to it, and nowhere else.
+        folder: the panel's folder; requests can name files in this folder only.
         token: token of the role "maintain". Without any token everybody has that role; the server must then
             be reachable from this machine only.
         tokens: role of each further token, see `roles`.
@@ -215,7 +215,8 @@ def _greeting() -> Hub:
 
 
 def _start_processes(hub: Hub, runner: Runner, read: Reader) -> None:
-    """Start the process that reads files; when the first page connects, start the rig's process."""
+    """Let the process that reads files start now, in a thread, and the virtual rig's when the first page
+    connects."""
     first = threading.Lock()
 
     def rig() -> None:

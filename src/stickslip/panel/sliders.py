@@ -1,4 +1,4 @@
-"""Fields of the Explore page: unit, meaning and slider range of each.
+"""Fields of the pages Explore, Design and Move: unit, meaning and slider range of each.
 
 Units, symbols, meanings and allowed values are those of the records. The slider ranges are chosen here, as
 for typical actuators; a typed value may be outside. Rotary actuators have the ranges of linear ones,
@@ -79,7 +79,8 @@ _WAVEFORM = {
     "duration": Slider(1e-3, 10.0),
 }
 DURATION = Slider(1e-2, 10.0)
-# Slider ranges for fields of a user's own law or waveform, by unit.
+# Slider ranges by unit, for fields without a range of their own, such as those of a user's own law or
+# waveform.
 _BY_UNIT = {
     "V": Slider(0.0, 150.0, "linear"),
     "V/s": Slider(1.0, 1e5),

@@ -64,13 +64,14 @@ class Starter:
     ) -> str:
         """Start a job that records all runs of an experiment; return the name of its folder.
 
-        This folder is for the recordings; the experiment file is saved in it, too.
+        This folder is for the recordings; the experiment file is saved in it, too. Virtual runs are counted,
+        see `counted_on`.
 
         Args:
             content: content of the experiment file.
             title: title of the job, for pages and the log.
             slug: end of the folder's name.
-            ended: called without arguments after the last run, if given.
+            ended: called without arguments at the end of the job, also of a failed one, if given.
 
         Raises:
             ValueError, RigError: the experiment cannot be recorded, or a job is active.

@@ -38,8 +38,8 @@ ALARMS = ".stickslip/alarms.json"  # file in the panel's folder that keeps the a
 class Alarm(Strict):
     """Request for an alarm on a statistic, given by its name, such as "mean step".
 
-    `low` and `high` are the limits, in SI or as texts with units; None: no limit. With `stop` the alarm also
-    stops the run.
+    `low` and `high` are the limits, in SI or as texts with units; None: no limit. An alarm is raised once in
+    a run; with `stop` it then also stops the run.
     """
 
     statistic: str = Field(max_length=80)
@@ -60,8 +60,8 @@ class Statistics:
     A step is the displacement between two successive times at which the drive rises through the middle of its
     range. The drive has the same phase at both, so elastic deflection does not count. The drift is the slope
     of a straight line through the last `STEPS` steps over their number. `values` has for each statistic by
-    name its label, value and unit, and "alarm", True if an alarm's limit is exceeded. Positions and steps are
-    in m, or rad.
+    name its label, value and unit; a statistic with an alarm also has "alarm", True if a limit is exceeded.
+    Positions and steps are in m, or rad.
     """
 
     def __init__(self, hub: Hub, journal: Journal, folder: Path) -> None:
@@ -95,7 +95,8 @@ class Statistics:
             self._raised, self._next = set(), 0.0
 
     def add(self, block: Mapping[str, NDArray[np.float64]], position: float) -> str:
-        """Add samples of a run to the statistics; at most every `PAUSE` seconds send them to the pages.
+        """Add samples of a run to the statistics; at most every `PAUSE` seconds check alarms and send all to
+        the pages.
 
         Args:
             block: next samples of each channel [n], by name.
@@ -219,7 +220,8 @@ class Statistics:
     def set_alarms(self, alarms: list[Alarm]) -> None:
         """Replace all alarms, save them for the next start of the panel, and send them to all pages.
 
-        Raises QuantityError for a limit with a wrong unit, or an alarm without limits.
+        Raises QuantityError for an alarm without limits, or a limit in another unit than its statistic, which
+        is not checked if the statistic has no value yet.
         """
         for one in alarms:
             unit = self.values.get(one.statistic, {}).get("unit")

@@ -61,7 +61,8 @@ class Hub:
         clients: the connected pages.
         greetings: functions that return the first messages for a page. They take the page and its first
             message; {} if the page asks for a new greeting.
-        hears: function for each kind of message from pages; it takes the page and the message.
+        hears: function for each kind of message from pages; it takes the page and the message. A page with
+            the role "watch" can send only the kinds in `roles.SAID_BY_ALL`.
         changed: functions without arguments that are called when a page connects or leaves.
 
     All these functions run in the event loop, so they must return fast.

@@ -10,10 +10,11 @@ from .live import Live
 
 
 class TriggerSeeker:
-    """Finds the sample at which the trigger signal of a recording crosses its level, for `live`.
+    """Finds the sample at which the trigger signal of a recording crosses its level, and tells `live` its
+    index.
 
-    Calling the object with the next samples of each channel, by name, continues the search. Without a trigger
-    nothing is searched.
+    Calling the object with the next samples of each channel, by name, continues the search that `begin`
+    started. Without a trigger nothing is searched.
     """
 
     def __init__(self, capture: Capture, live: Live) -> None:

@@ -35,7 +35,7 @@ class Taken(Strict):
 
     `token` identifies the upload. `columns` and `units` have the index of the column and the unit of each
     channel. `sample_rate` is that of a file without times. `missing` is "error", or "drop" to leave out rows
-    without a number. `rows` is the number of rows to read (None: all).
+    without a number. `rows` is the number of rows to read (None: all). A NetCDF file is imported unchanged.
     """
 
     token: str

@@ -69,10 +69,11 @@ def aligned(
     scale: float = 1.0,
     begin: float | None = None,
 ) -> Aligned:
-    """Align a recording with its drive, subtract the bias (mean position before the drive); return both.
+    """Align a recording with its drive, and subtract the bias (mean position before the drive).
 
     With a waveform, samples later than `AFTER` of its duration after its end are removed, and the time of the
-    result starts at 0. Without a waveform neither is done.
+    result starts at 0. Without a waveform neither is done. An initial rest of the waveform counts as time
+    before the drive.
 
     Args:
         whole: recording with end_effector_position [m, or rad], and drive_voltage [V] unless drive and begin

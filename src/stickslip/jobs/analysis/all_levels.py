@@ -32,8 +32,8 @@ class LevelData(NamedTuple):
     """Data of one drive amplitude (level).
 
     `name` is the name of the level, and `response` its frequency response. `drive` [V] has the held-out
-    drives (samples, inputs, realisations), and `steady` [m] the responses measured to them (samples, outputs,
-    realisations).
+    drives (samples, inputs, realisations), and `steady` [m] the responses measured to them, without their
+    mean over the samples (samples, outputs, realisations).
     """
 
     name: str
@@ -90,7 +90,8 @@ def one_model_section(
 
     Args:
         levels: data of all levels, two at least.
-        own: r² and rms error [m] of the models that were fitted to each level alone, see `score`.
+        own: r² and rms error [m] of the models that were fitted to each level alone, see `score`, in the
+            order of `levels`.
         modes: initial values of the modes: pairs of frequency [Hz] and damping ratio, or a fitted model.
         sample_rate: sample rate of drives and responses, Hz.
         progress: called with the current activity and the finished fraction, from 0 to 1.

@@ -67,8 +67,9 @@ class DesignAnalysis(Analysis, ModelOrFit):
     def run(self, folder: Path, progress: Progress) -> Document:
         """Run all parts in turn and return the report.
 
-        If a part fails, the next parts are still run. If a part is stopped by Ctrl-C, the next parts are not
-        started. In both cases the error is raised unless an earlier part has a result.
+        After a part that failed, the next parts are still run; after one that was stopped by Ctrl-C they are
+        not. The report names both. If no earlier part has a result, however, the error or KeyboardInterrupt
+        is raised at once.
 
         Raises:
             QuantityError, AnalysisError, ParameterSetError: a field is wrong, or a part failed.

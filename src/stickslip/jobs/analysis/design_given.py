@@ -175,7 +175,7 @@ class ScenarioSpec(Strict):
 
 
 class SearchSpec(arguments_of(optimise_waveform, "max_voltage", "min_voltage", "frequency", "seed")):
-    """Arguments that all searches for a drive have in common.
+    """Arguments that all searches for a drive, a front or an actuator have in common.
 
     They are those of `optimise_waveform`, with the `limits` of the amplifier, and `scenarios`, further
     conditions for which the drive must work.

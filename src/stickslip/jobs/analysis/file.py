@@ -115,7 +115,8 @@ class RecordingFile(SourceFile):
         return apply_calibration(recording, calibrations, self.rename)
 
     def cut(self, whole: xr.Dataset) -> xr.Dataset:
-        """Return the part from `start` to `end`; raises AnalysisError if it has fewer than two samples."""
+        """Return the part from `start` to `end`, titled with the label; raises AnalysisError if it has fewer
+        than two samples."""
         part = whole.sel(time=slice(self.start, self.end))
         if part.sizes["time"] < 2:
             first, last = (float(whole["time"][i]) for i in (0, -1))

@@ -35,7 +35,7 @@ def _modes(value: Any) -> int | Starts:
     """Check the field `modes`: return a number of modes, or initial values of the modes in SI.
 
     Initial values are pairs of natural frequency [Hz] and damping ratio. Raises the error of `refused` for
-    anything else, such as a number above `MOST_MODES`.
+    anything else, such as a number above `MOST_MODES`, and QuantityError for a wrong unit.
     """
     if _whole(value, MOST_MODES):
         return value

@@ -72,10 +72,11 @@ def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
 
 
 def at_intervals(model: Actuator, results: Path) -> list[Actuator]:
-    """Return two alternative models for each fitted parameter, at either end of its interval.
+    """Return two alternative models for each fitted parameter of the model, at either end of its interval.
 
-    `results` is the path of a results.json. Raises QuantityError if it contains no results, or if an interval
-    has no end or an end that the parameter cannot have.
+    `results` is the path of a results.json; parameters in it that the model does not have are ignored. Raises
+    QuantityError if it contains no results, or if an interval has no end or an end that the parameter cannot
+    have.
     """
     with damaged(QuantityError, f"{results}: no results of an identification"):
         return list(_at_intervals(model, results))

@@ -99,8 +99,8 @@ def run_steps(
         keep: CSV file to which each burst is written when it is measured; None for no file.
 
     Raises:
-        AnalysisError: the file names both a positioner and measured bursts, or neither, or measured bursts
-            without their frequency.
+        AnalysisError: the file names both a positioner and measured bursts, or neither; or it lacks the
+            bursts of a positioner, their sensor, or the frequency of measured bursts.
         InterlockError: the program is not armed, see `rig.armed`.
         RigError, QuantityError: from the positioner, the sensor, or the fit.
     """

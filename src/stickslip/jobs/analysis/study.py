@@ -52,7 +52,7 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class GridAxisSpec(AxisSpec):
-    """Axis of a study's grid: equally spaced values of one varied quantity."""
+    """Axis of a study's grid: values of one varied quantity between two ends."""
 
     def values(self, name: str, study: Any) -> list[float]:
         """Return the values of the axis in SI.
@@ -140,8 +140,8 @@ class StudyFile(ModelOrFit):
     """Content of a study file.
 
     `drive` is written as in an experiment file. `measure` is the computation for each member (simulation).
-    The members are all combinations of the values in `grid`, `random` and `draws`. `summary` is a user's
-    function, FILE.py:NAME; `keep` and `task` are as for `stickslip.study.Study`.
+    The members are all combinations of the values in `grid`, `random` and `draws`. `summary` (a user's
+    function, FILE.py:NAME), `keep` and `task` are as for `stickslip.study.Study`.
     """
 
     kind: Literal["study"]
@@ -163,7 +163,8 @@ class StudyFile(ModelOrFit):
             folder: folder of the relative paths in the file.
 
         Raises:
-            InputFileError, QuantityError, RegistryError: a part of the file is wrong.
+            InputFileError, QuantityError, RegistryError, FitError: a part of the file, or a file that it
+                names, is wrong.
         """
         model = self._model(folder)
         measure = self._measure(folder, model)

@@ -41,13 +41,14 @@ class WalkRecording(RecordingFile):
     """A recording of a walk, with the channel end_effector_position.
 
     `drive` is the drive as in an experiment file: one part, or a list of parts that follow each other.
-    Without it, the channel drive_voltage is the drive.
+    Without it, the drive is taken from the recording's attributes or the channel drive_voltage, see
+    `taken_drive`.
     """
 
     drive: DriveSpec | None = None
 
     def waveform(self, folder: Path) -> Waveform | None:
-        """Return the recording's drive, None if the channel drive_voltage is the drive.
+        """Return the drive that the file gives for the recording, None without one.
 
         `folder` is the folder of the input file. Raises QuantityError for wrong fields.
         """

@@ -78,7 +78,8 @@ def additional(
         friction: friction fit.
         walks: all walks, those of the fit and those of the verification.
         stage: fit of the stage; None without steps.
-        lacking: True if the law does not explain the walks; models are then compared without a request.
+        lacking: True if the law does not explain the walks. Models are then compared without a request, if
+            there are walks for verification and the cause is not known.
         folder: folder of the relative paths in the file.
         progress: called with the current activity and the finished fraction.
         kept: store of finished stages.

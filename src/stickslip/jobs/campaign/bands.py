@@ -4,7 +4,8 @@ The prediction depends on the fitted parameters and on the stage's parameters, w
 The stage acts directly, and through the fit, which it shifts. All effects are linearised. G are the
 derivatives of the position with respect to the fitted coordinates, P with respect to the stage's parameters,
 and M is the shift of the fitted coordinates per change of the stage's parameters. With the covariances V of
-the fit and S of the stage, the covariance of the position is G V Gᵀ + (G M + P) S (G M + P)ᵀ.
+the fit and S of the stage, the covariance of the position is G V Gᵀ + (G M + P) S (G M + P)ᵀ. The variances
+by hysteresis and creep (from alternative stages) and by drifts are added.
 """
 
 from __future__ import annotations

@@ -84,7 +84,8 @@ def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> Erro
 
     Args:
         fit: friction fit.
-        taken: effect of the values that the fit took as known; None: only the noise counts.
+        taken: effect of the values that the fit took as known; None: only errors of the values that it fitted
+            itself count.
         scale: scale of the sensor; None without a reference channel.
     """
     names = [p.name for p in fit.shown if p.name not in CHANNEL and not p.fixed]
@@ -122,7 +123,7 @@ def budget(fit: Fit, taken: Inherited | None, scale: SensorScale | None) -> Erro
 
 
 def freed(fit: Fit) -> list[int]:
-    """Return the positions of the stage's parameters in `fit.parameters`; [] if the fit has none of them."""
+    """Return the indices of the stage's parameters in `fit.parameters`; [] if the fit has none of them."""
     return [i for i, p in enumerate(fit.parameters) if p.name in STAGE_PARAMETERS]
 
 

@@ -60,16 +60,17 @@ class CampaignResult(NamedTuple):
             steps.
         hysteresis: hysteresis and creep of the stage; None without recordings with `use: piezo`.
         start: actuator at which the friction fit starts, with the identified stage.
-        friction: fit of the friction.
-        inherited: effect of errors of the stage, the scale and drifts on the friction fit; None without any
-            of these, or for a law without derivatives.
+        friction: fit of the friction, and of the stage if the law has derivatives.
+        inherited: effect of errors of the stage, hysteresis, the scale and drifts on the friction fit; None
+            without any of these, or for a law without derivatives.
         budget: error budget of the friction parameters.
         walks: recordings of `verification`, in its order.
         features: features of each walk, found without a model, by name; a text says why there are none.
         chain: signal chain from the model's position to the position channel.
         verification: prediction of all walks, those of the fit and the others.
         everything: fits to all walks; they show whether one set of values explains all of them.
-        failures: sentences on unmet requirements, failed fits and failed analyses.
+        failures: sentences on unmet requirements, failed fits and analyses, and effects that the model does
+            not explain.
         additional: results of the optional analyses.
         priors: effect of each prior on the friction fit; () without priors.
     """

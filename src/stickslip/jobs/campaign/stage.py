@@ -25,7 +25,8 @@ def unit_of(fit: Fit, name: str) -> str:
 
 
 def stage_section(file: CampaignFile, found: CampaignResult, figures: bool) -> Section:
-    """Return the report section: fit of the steps, and its comparison with the classical formulas."""
+    """Return the report section of a campaign with steps: fit of the steps, and the classical formulas beside
+    it."""
     stage = found.stage
     assert stage is not None
     assert stage.predict is not None

@@ -1,6 +1,7 @@
 """Sentences of the report on the origin of the stage's parameters.
 
-They come from step responses, from the friction fit, or from the initial model; then they are taken as known.
+They come from step responses, from the friction fit, from recordings of hysteresis (the gain only), or from
+the initial model; then they are taken as known.
 """
 
 from __future__ import annotations

@@ -86,7 +86,8 @@ def new_file(
         The written files, the command that runs the new file, and what is missing.
 
     Raises:
-        QuantityError: there is no such kind, it takes no recordings, or `out` has another ending than it.
+        QuantityError: there is no such kind, it takes no recordings or (an actuator) none of angles, or `out`
+            has another ending than it.
         RecordingError: a recording cannot be read.
         FileExistsError: a file exists already; then nothing is written.
         OSError: a file cannot be written; then no file is left.
