@@ -60,7 +60,8 @@ class CampaignResult(NamedTuple):
             steps.
         hysteresis: hysteresis and creep of the stage; None without recordings with `use: piezo`.
         start: actuator at which the friction fit starts, with the identified stage.
-        friction: fit of the friction, and of the stage if the law has derivatives.
+        friction: fit of the friction; it also varies the stage's parameters, within the errors of their fit,
+            if there are both steps and hysteresis, and the law has derivatives.
         inherited: effect of errors of the stage, hysteresis, the scale and drifts on the friction fit; None
             without any of these, or for a law without derivatives.
         budget: error budget of the friction parameters.
