@@ -17,13 +17,14 @@ class Advice(NamedTuple):
         cause: missing term, such as "viscous friction"; "" if no tried term helps.
         explains: True if the recordings show no lack of fit with the term.
         before, after: residual without and with the term: the rms residual in `unit` or, if `unit` is "", the
-            greatest ratio of a recording's residual to its noise.
-        free: names of all free parameters with the term; `added` are the new ones among them.
+            greatest ratio of a recording's residual to its noise. Both are equal if no term helps.
+        free: names of all free parameters of the model with the term, without those of the position channel
+            (delay, offset); `added`: names of the parameters that become free with the term.
         bounds: lower and upper bound in SI of each added parameter that needs bounds, by name.
         change: new value of each field of the actuator that must change, by the field's name.
         untied: names of the parameters whose tie must be removed.
-        values: estimates of parameters in the fit with the term, in SI, by name.
-        shown: estimates of the added parameters as text with units.
+        values: estimates of all searched parameters in the fit with the term, in SI, by name.
+        shown: estimates of the parameters in `free` and `added`, as one text with units.
         tried: terms that were fitted; `seconds`: CPU time spent; `stopped`: True if a time limit ended the
             search.
         equal: advice on other terms that describe the recordings equally well within the noise.
@@ -79,8 +80,8 @@ class Advice(NamedTuple):
         return f"{self.line} in the file, or {self.argument} in Python"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a dictionary for JSON: every field by its name, and the texts `sentence`, `line` and
-        `argument`."""
+        """Return a dictionary for JSON: every field by its name (`equal` as a list of such dictionaries), and
+        the texts `sentence`, `line` and `argument`."""
         found = {k: dict(v) if isinstance(v, Mapping) else v for k, v in self._asdict().items()}
         found["equal"] = [one.to_dict() for one in self.equal]
         return {**found, "sentence": self.sentence, "line": self.line, "argument": self.argument}
@@ -92,7 +93,7 @@ class Advice(NamedTuple):
     @property
     def line(self) -> str:
         """Return the settings that add the term to a campaign or identification file, as YAML in backquotes:
-        "`free: [...]` and `bounds: {...}`", and `change` or ties to remove if needed."""
+        "`free: [...]` and `bounds: {...}`", and `change` if needed; ties to remove are named in words."""
         said = [f"`free: [{', '.join(self.free)}]`"] if self.added else []
         if self.bounds:
             limits = ", ".join(f"{name}: [{low!r}, {high!r}]" for name, (low, high) in self.bounds.items())
@@ -104,7 +105,7 @@ class Advice(NamedTuple):
     @property
     def argument(self) -> str:
         """Return the arguments of `identify_friction` that add the term, as Python text such as "free=[...],
-        bounds={...}"."""
+        bounds={...}", and the ties to remove, in words."""
         said = [f"model.replace({', '.join(f'{k}={v!r}' for k, v in self.change.items())})"] * bool(
             self.change
         )

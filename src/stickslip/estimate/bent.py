@@ -78,8 +78,8 @@ class Bent(NamedTuple):
 
     @property
     def log_volume(self) -> float:
-        """Return the natural logarithm of the component's volume: the product of the residual standard
-        deviations and the magnitude of the determinant of the axes."""
+        """Return the natural logarithm of the component's volume: the product of the scales `left` of the
+        residuals and the magnitude of the determinant of the axes."""
         return float(np.sum(np.log(self.left)) + np.linalg.slogdet(self.axes)[1])
 
 
@@ -178,7 +178,8 @@ def _principal(covariance: Array) -> Array:
 
 def _explained(others: Array, z: Array, weights: Array) -> tuple[Array, float]:
     """Return the coefficients of the second-order polynomial of the coordinates `others` [n, i] that fits the
-    coordinate z [n] of points with weights [n] whose sum is 1, and the standard deviation of its residual."""
+    coordinate z [n] of points with weights [n] whose sum is 1, and the standard deviation of its residual,
+    increased for the number of coefficients."""
     effective, i = 1.0 / float(np.sum(weights**2)), others.shape[1]
     size = 1 + i + i * (i + 1) // 2 if effective > FEWEST else 1
     terms = _terms(others, size)

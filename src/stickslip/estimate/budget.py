@@ -67,7 +67,7 @@ class EvaluationBudget:
         """Count an evaluation of the model; return True if the budget is spent.
 
         The budget is spent after `SECONDS` of this thread's CPU time and `FEWEST` evaluations, if `explained`
-        is below `LITTLE`.
+        is below `LITTLE` then. A spent budget stays spent.
 
         Args:
             cost: lowest weighted sum of squares of this search so far; a higher one than in an earlier search

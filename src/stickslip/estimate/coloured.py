@@ -87,7 +87,8 @@ def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
 
     Args:
         pieces: residuals of each recording, shape (n,), evenly sampled.
-        walks: True to include a random walk, for which slowly changing model error is also taken.
+        walks: True to allow a random walk in the model; slow changes by model error then count as a random
+            walk.
     """
     filter, variance, steps = filter_and_walk(pieces, walks)
     if filter.size == 1:
@@ -222,7 +223,7 @@ def with_coloured_noise(fit: Fit, noise: Coloured, known: int = 0) -> Fit:
     """Return a copy of the fit whose covariance and other minima allow for autocorrelated noise, with
     `correlated` set.
 
-    The covariance of the other parameters is the one without bounds: a value at its bound does not narrow
+    Parameters that are not at a bound get the covariance without bounds: a value at its bound does not narrow
     their intervals.
 
     Args:
@@ -298,7 +299,8 @@ def inflation(fit: Fit, place: int) -> float:
     """Return the factor, at least 1, by which autocorrelated noise increases the variance of the parameter
     with the index `place` in `fit.parameters`, compared with white noise.
 
-    The factor is 1 if the fit assumes white noise or has no Jacobian, or if the parameter is at a bound.
+    The factor is 1 if the fit assumes white noise or has no Jacobian, or if the parameter is at a bound or
+    has no effect on the residuals.
     """
     if fit.jacobian is None or not fit.correlated or fit.uncertainty.bounded[place]:
         return 1.0

@@ -12,7 +12,7 @@ def relative_offset(
     jacobian: NDArray[np.float64], residuals: NDArray[np.float64], variance: float | None = None
 ) -> float:
     r"""Return the length of the next Gauss-Newton step relative to the radius of the confidence region
-    [bates1981]; infinite if the Jacobian is not finite.
+    [bates1981]; infinite if the Jacobian is not finite or the variance is 0.
 
     .. math:: \sqrt{\frac{|P r|^2 / k}{|r - P r|^2 / (n - k)}}, \qquad P = J (J^T J)^+ J^T
 

@@ -54,9 +54,9 @@ class Uncertainty(NamedTuple):
     """Covariance of the fitted coordinates, and bounds that act on them.
 
     Attributes:
-        covariance: shape (k, k); NaN in the rows of coordinates at an active bound (all others are then
-            conditional on the bound), infinite on the diagonal for coordinates that the data do not
-            determine.
+        covariance: shape (k, k); NaN in the rows and columns of coordinates at an active bound (all others
+            are then conditional on the bound, except after `with_coloured_noise`), infinite on the diagonal
+            for coordinates that the data do not determine.
         bounded: for each coordinate 0, or -1 / +1 if its lower / upper bound is active.
         push: for coordinates at an active bound, the derivative of half the chi-squared when the coordinate
             moves into the range; 0 for the others.
@@ -93,7 +93,8 @@ def uncertainty(
     unbounded = covariance(jacobian, residuals, noise)
     deviation = np.sqrt(np.diag(unbounded))
     # The optimiser stops just short of a bound, so a coordinate within a hundredth of its standard error of a
-    # bound counts as being at this bound.
+    # bound (at most 0.1 % of its range) counts as being at this bound, if the residuals decrease towards the
+    # bound.
     span = upper - lower
     least = 1e-6 * np.where(np.isfinite(span), span, np.maximum(1, abs(coordinates)))
     near = np.maximum(np.minimum(0.01 * deviation, 1e-3 * span), least)
@@ -115,7 +116,7 @@ def uncertainty(
 
 def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: NoiseLevel) -> np.ndarray:
     """Return the covariance of the coordinates as if there were no bounds, shape (k, k); arguments as in
-    `uncertainty`.
+    `uncertainty`. For white noise of known level and a linear loss, only the Jacobian counts.
 
     Coordinates with a part in a direction that the data do not determine have infinite variance, and zero
     covariance with the others.

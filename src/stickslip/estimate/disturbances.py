@@ -103,7 +103,8 @@ class Disturbance(NamedTuple):
     @property
     def sentence(self) -> str:
         """Return the statement together with the effect on a fitted value, if known, and advice if the
-        intervals are unreliable."""
+        intervals are unreliable. For jitter and drift, the sentence says that the intervals allow for the
+        fault."""
         if self.kind == "jitter":
             return f"{self.statement}; the intervals allow for it"
         if self.kind == "drift":
@@ -152,8 +153,8 @@ def disturbances(
         times: times of the samples, s, [n].
         slope: speed of the model, in the unit of the data per s, [n]; without it, jitter is not searched for.
         measured: measured values, in the unit of the data, [n]; without them, freezes are not searched for.
-        jacobian: derivatives of the residuals by the fitted coordinates, [n, k]; changes that other values of
-            the parameters could describe are not faults.
+        jacobian: derivatives of the residuals by the fitted coordinates, [n, k]; jumps, bursts and drifts
+            that other values of the parameters could describe are not reported.
         known: `KnownNoise` of the recording, with its converter step, rest and periods.
         name: name of the recording.
         unit: unit of the data.
@@ -229,7 +230,7 @@ def _bridged(r: Array, wrong: NDArray[np.bool_]) -> Array:
 
 def _wander(r: Array, columns: Array) -> float:
     """Return the drift of residuals r [n]: the standard deviation of the means of `PARTS` equal parts, in the
-    unit of r; 0 if white noise explains it or the parts are too short.
+    unit of r; 0 below the limits `WANDERS` and `ABOVE_WHITE`, or if the parts are too short.
 
     The part of r that a constant and `columns` [n, k] describe is subtracted first.
     """

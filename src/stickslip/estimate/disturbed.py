@@ -14,8 +14,9 @@ from .lack import Lack, lacks_of
 from .moves import moves
 from .result import Fit
 
-# Kinds of fault that occur once. The change of a value by such a fault is divided by the standard error that
-# the fit would have without the fault. Hum and spikes count as noise, which the standard errors contain.
+# Kinds of fault that are single events. The change of a value by such a fault is divided by the standard
+# error that the fit would have without the fault. Hum and spikes count as noise, which the standard errors
+# contain.
 SINGLE = ("jump", "burst", "freeze")
 
 Array = NDArray[np.float64]
@@ -23,7 +24,8 @@ Array = NDArray[np.float64]
 
 @single_threaded
 def with_disturbances(fit: Fit) -> Fit:
-    """Return a copy of the fit with the faults of instruments that its residuals show, as `disturbances`.
+    """Return a copy of the fit with the faults of instruments that its residuals show, as `disturbances`, in
+    place of earlier ones.
 
     The sentences on faults that change a value by more than one standard error are added to `doubts` (and so
     to `failures`), the others to `remarks`. Without a Jacobian, times or measured values, no fault is
@@ -59,7 +61,8 @@ def with_disturbances(fit: Fit) -> Fit:
 
 def lack_beside_faults(fit: Fit) -> tuple[Lack, ...]:
     """Return the lack-of-fit test of each recording, with the known faults of instruments removed from the
-    residuals; unchanged for a recording that shows no lack with its faults."""
+    residuals; unchanged for a recording that shows no lack with its faults, and `fit.lack` if the fit has no
+    known noise."""
     if len(fit.known) != len(fit.residuals):
         return fit.lack
     left = left_beside_faults(fit)
@@ -105,7 +108,8 @@ def _parts(fit: Fit) -> list[tuple[Array, Array, Array]]:
 
 def _with_moves(fit: Fit, found: Sequence[Disturbance], rows: slice, times: Array) -> list[Disturbance]:
     """Return the faults of one recording, each with its fields `moved` and `moves` set: the fitted value that
-    it changes most, and this change in standard errors. A robust fit's faults are unchanged.
+    it changes most, and this change in standard errors. Jitter, drift and the faults of a robust fit are
+    unchanged.
 
     Args:
         fit: fit with its Jacobian.

@@ -67,7 +67,7 @@ def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Ar
     """Predict the drift of a channel, a random walk plus a slope, from samples at rest.
 
     Args:
-        pieces: samples [n] at rest, not all equal in every array; their levels may differ.
+        pieces: arrays of samples [n] at rest, at least one of which is not constant; their levels may differ.
         times: times for which the drift is predicted, in samples after the instant at which the drift is
             zero.
         walks: smallest variance that a random walk gains from sample to sample, in the squared unit of the

@@ -58,22 +58,26 @@ def fit_least_squares(
             `Residuals`.
         parameters, about: parameters and further arguments of the `Problem`, if `described` is not one.
         initial: initial guess, values by name, if it differs from the parameters' own.
-        starts: total number of initial guesses; those after the first fill the bounds by a Latin hypercube.
+        starts: total number of initial guesses; those after the first fill the bounds, which must be finite,
+            by a Latin hypercube.
         hops: largest number of basin hops, that is of searches for a lower minimum: from the best of many
             points within the bounds, then near the best minimum, with each parameter multiplied by 1/4, 1/2,
-            2 and 4 in turn. Hopping ends when it finds no lower minimum, or when only white noise is left.
+            2 and 4 in turn. Hopping ends when it finds no lower minimum, when only white noise is left, or
+            when the CPU budget is spent.
         seed: seed of the hypercube.
         central: two-sided differences during all of the search; by default only towards its end.
         tolerance: relative change of the sum of squares, and of the parameters, at which the search ends.
         settled: share of the radius of the confidence region; the search ends if the next step is below it
             (see `relative_offset`); [bates1981] propose 1e-3.
-        max_evaluations: largest number of evaluations of the model, for each start.
+        max_evaluations: largest number of evaluations of the model, for each search (from an initial guess,
+            after a hop, or beyond a search range).
         progress: called after each evaluation as ``progress(doing, done)``; `done` is the share of the
             initial guesses that are finished.
         each: called after each evaluation with a `SearchState`.
 
     Raises:
-        FitError: see `Problem`; or `starts` is below 1, or the model fails at all initial guesses.
+        FitError: see `Problem`; or `starts` is below 1, or above 1 with an infinite bound; or the model
+            cannot be computed next to a point of the search.
     """
     if starts < 1:
         raise FitError(f"starts = {starts} must be at least 1")
@@ -90,8 +94,9 @@ def fit_least_squares(
 
 def _search_beyond(searches: SearchResults) -> None:
     """Continue the best search beyond the ends of its search ranges, up to `WIDENED` times. This stops if the
-    best fit is at no such end, if the end is a limit of the law, or if the sum of squares no longer
-    decreases. The new ends are added to `searches`."""
+    best search has not converged or is at no such end, if the end is a limit of the law, or if the sum of
+    squares no longer decreases. The ranges of the problem are extended in place; in `searches`, the results
+    at the previous ends are replaced by the new ones."""
     problem = searches.problem
     for _ in range(WIDENED):
         best = searches.best

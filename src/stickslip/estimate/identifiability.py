@@ -21,10 +21,11 @@ LOOSE_RATIO, LOOSE_SHARE = 3.0, 0.2
 
 
 def loosest(fit: Fit, apart: Collection[str]) -> str | None:
-    """Return the name of the only parameter that the data hardly determine, or None.
+    """Return the name of the only parameter with a wide interval, or None. The thresholds in `fit.judgement`
+    decide; if no interval is wide by these, `LOOSE_RATIO` and `LOOSE_SHARE` do.
 
-    Parameters with a name in `apart` do not count. The result is also None if several are undetermined, if
-    there is no other parameter, or if the undetermined one has a prior.
+    Parameters with a name in `apart` do not count. The result is also None if several have wide intervals, if
+    there is no other parameter, or if the found one has a prior.
     """
     among = [p.name for p in fit.parameters if p.name not in apart]
     known = {p.name for p in fit.parameters if p.prior is not None}
@@ -66,7 +67,8 @@ def _between(p: Parameter, low: float, high: float) -> str:
 
 def undetermined(fit: Fit) -> tuple[str, ...]:
     """Return a sentence for each parameter that the data do not determine or that ended at a bound, and for
-    each group of parameters with nearly the same effect. The tuple is empty if all are determined.
+    each group of otherwise determined parameters with nearly the same effect. The tuple is empty if there are
+    none of these.
 
     The sentences follow from the linearised 95 % intervals and correlations, with the thresholds in
     `fit.judgement`.

@@ -80,7 +80,8 @@ class PriorInfluence(NamedTuple):
 
 
 def prior_influence(alone: Fit, together: Fit) -> tuple[PriorInfluence, ...]:
-    """Return the effect of the prior on each parameter that has one, in the order of the parameters.
+    """Return the effect of the prior on each parameter that has one and is in both fits, in the order of the
+    parameters.
 
     Args:
         alone: fit of the same recordings without priors.

@@ -12,8 +12,9 @@ from .parameter import Parameter
 def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
     """Return lower and upper end of the interval of a parameter about a minimum, in the parameter's unit.
 
-    The parameter's limits cut the interval; the ends of the search range do not. With a `shift`, the interval
-    is symmetric about the value if it reaches zero, and about the logarithm of the value otherwise.
+    The parameter's limits cut the interval; the ends of the search range do not. With a `shift`, and not at
+    an upper bound, the interval is symmetric about the value if it reaches zero, and about the logarithm of
+    the value otherwise; at a lower bound it starts at the least value.
 
     Args:
         p: the parameter.

@@ -23,7 +23,8 @@ QUIET, BESIDE, FAR = 1.4, 5, 30.0
 # standard errors of one number), doubled because neighbouring deviations share samples.
 GAINED = 50.0
 # The scatter is not jitter if timing errors of neighbouring samples, or of successive periods, have a
-# correlation above COMMON, or above ERRORS standard errors of the correlation if that is larger.
+# correlation above COMMON, or above ERRORS standard errors of the correlation if that is larger. The same
+# limits apply to the mean timing error, in standard deviations.
 COMMON, ERRORS = 0.3, 3.0
 # Fewest samples with jitter as large as the noise, without which no jitter is recognised.
 FEWEST = 12
@@ -41,7 +42,7 @@ class Scatter(NamedTuple):
         widening: factor by which the timing error increases the standard deviation of each residual, [n]; 1
             at rest.
         independent: True if the timing errors of neighbouring samples and of successive periods are
-            independent; the scatter is then clock jitter.
+            independent and have no common mean; the scatter is then clock jitter.
     """
 
     delay: float
@@ -50,7 +51,7 @@ class Scatter(NamedTuple):
 
     def narrowed(self, residuals: Array) -> Array:
         """Return the residuals [n], in their unit, with their deviations from the level of slow neighbours
-        divided by `widening`, so that the scatter is uniform; unchanged without jitter."""
+        divided by `widening`, so that the scatter is uniform; unchanged if `delay` is 0."""
         if self.delay == 0.0:
             return residuals
         level = _level(residuals, self.widening < QUIET)
@@ -116,7 +117,7 @@ def scatter(residuals: Array, change: Array, period: float = 0.0) -> Scatter:
     over = 1.0 + ratio**2 * square
     alike, here = float(np.mean(off**2)), float(np.mean(off**2 / over))
     gained = np.sort(off**2 / alike - off**2 / (here * over) + np.log(alike / (here * over)))
-    # Without the largest contributions: a jump gains at two samples only, jitter at many.
+    # Leave out the largest contributions, because a jump gains at two samples only, jitter at many.
     if float(np.sum(gained[: -FEWEST // 2])) < GAINED:
         return none
     level = math.sqrt(here / 1.5)

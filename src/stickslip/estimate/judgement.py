@@ -11,10 +11,11 @@ from ..quantities.records import Quantity, record
 class Judgement(NamedTuple):
     """Thresholds of the statements on a fit.
 
-    ``fit.judgement`` contains the thresholds of a fit; ``fit.judged(false_alarm=0.001)`` returns the fit with
-    another one. The thresholds decide on lack of fit (`false_alarm`, `lack_ratio`), undetermined parameters
-    (`wide_ratio`, `wide_share`, `indistinguishable`) and correlated residuals (`correlated`). The benchmarks
-    "Detection of a wrong model" and "Coverage of the intervals" measure how often the statements are right.
+    ``fit.judgement`` contains the thresholds of a fit; ``fit.judged(false_alarm=0.001)`` returns the same fit
+    with another threshold. The thresholds decide on lack of fit (`false_alarm`, `lack_ratio`), undetermined
+    parameters (`wide_ratio`, `wide_share`, `indistinguishable`) and correlated residuals (`correlated`). The
+    benchmarks "Detection of a wrong model" and "Coverage of the intervals" measure how often the statements
+    are right.
     """
 
     false_alarm: Annotated[

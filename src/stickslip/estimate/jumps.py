@@ -29,7 +29,7 @@ from .outliers import TO_DEVIATION
 # Smallest significant size of a jump or burst, in standard errors. The largest of 1e5 samples of white noise
 # reaches 5, of 1800 samples of 1/f noise 7.5.
 SURE = 8.0
-# Largest number of events in one recording; more are noise or model error.
+# Number of events in one recording at which they count as noise or model error, and none is returned.
 MOST = 6
 # Numbers of samples of the bursts that are searched for; a longer burst is found as two jumps.
 WIDTHS = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)

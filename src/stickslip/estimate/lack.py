@@ -71,10 +71,10 @@ class Lack(NamedTuple):
 
     Attributes:
         name: name of the recording.
-        ratio: rms residual divided by the noise, including the drift that the rest shows; if a comparison of
-            a part (see the module) shows a lack, the largest of these ratios. NaN if the noise is not known.
+        ratio: rms residual divided by the noise, of the test (see the module) with the largest ratio among
+            those that show a lack, or else of the first possible test. NaN if the noise is not known.
         chance: probability that a correct model has such a residual, multiplied by the number of tests; the
-            smallest of the tests that show a lack; 1 if the noise is not known.
+            smallest of those that show a lack, or else of the first possible test; 1 without known noise.
         against: noise with which the residual is compared, in words.
         judgement: thresholds of the tests.
     """
@@ -231,8 +231,8 @@ def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
 
 def _quiet(r: Array, known: KnownNoise) -> list[Array]:
     """Return the parts of the residuals that show only noise and drift, as arrays: rest before and after the
-    motion or, without rest before, the changes from period to period. Parts that are far noisier than the
-    others are left out, because something moves there."""
+    motion or, without rest before, the changes from period to period divided by the root of 2. Parts that are
+    far noisier than the others are left out, because something moves there."""
     n = known.at_rest
     if n >= FEWEST_AT_REST:
         found = [part for part in (r[:n], r[r.size - known.rest_again :]) if part.size >= FEWEST_AT_REST]
@@ -271,8 +271,8 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
 def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
     """Test the largest change of the level between slips; None if the test is impossible.
 
-    The rms test takes a wrong slip that the next ones correct for drift, and for the test of differences such
-    a slip is too rare.
+    The rms test mistakes a wrong slip that the next slips correct for drift, and for the test of differences
+    such a slip is too rare.
     """
     n = known.at_rest
     noise = _in_motion(float(np.var(r[:n])), known.step, n) if n >= FEWEST_AT_REST else 0.0
@@ -288,7 +288,7 @@ def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
 
 def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
     """Return the probability that noise changes the mean of m samples, over a gap of 2 m samples, as much as
-    the largest such change in the motion after sample n.
+    the largest such change in the motion after sample n, times the number of independent changes.
 
     The variance of these changes is estimated from the n samples at rest, but is at least that of white noise
     with the variance `noise`.
@@ -303,7 +303,7 @@ def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
 
 
 def _lengths(least: int, most: int, count: int = 3) -> list[int]:
-    """Return `count` lengths in geometric progression from `least` to `most`."""
+    """Return up to `count` different whole lengths in geometric progression from `least` to `most`."""
     return np.unique(np.geomspace(least, max(most, least), count).astype(int)).tolist()
 
 
@@ -317,9 +317,9 @@ def _independent_differences(r: Array, lag: int) -> float:
 def _in_motion(quiet: float, step: float, samples: int) -> float:
     """Return the variance in motion of noise that has the variance `quiet` at rest.
 
-    At rest, a converter with the step `step` may stay on one level and hide the noise. In motion, the error
-    is that of a step (step^2 / 12) plus the noise before the converter: at most the one that leaves the
-    middle of a step as often as observed, at least once in `samples`.
+    At rest, a converter with the step `step` may stay on one level and hide the noise. In motion, the
+    variance is step^2 / 12 plus that of the noise before the converter, taken so large that the noise leaves
+    the middle of a step as often as observed, at least once in `samples`.
     """
     if step <= 0.0:
         return quiet
@@ -366,14 +366,14 @@ def _folded(r: Array, known: KnownNoise) -> Array | None:
 
 def _spectrum(rows: Array, freedom: int) -> Array:
     """Return the smoothed power spectrum of rows [rows, n], summed over the rows and divided by `freedom`
-    (the degrees of freedom), at each line except the first and the last."""
+    (the degrees of freedom), at each line between 0 and half the sampling frequency."""
     lines = (rows.shape[1] - 1) // 2
     power = np.sum(np.abs(np.fft.rfft(rows)[:, 1 : lines + 1]) ** 2, axis=0) / freedom
     return scipy.ndimage.uniform_filter1d(power, min(SMOOTHED, lines), mode="nearest")
 
 
 def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> Lack:
-    """Return a lack-of-fit test of a model against a richer model with more free values.
+    """Return a lack-of-fit test (`Lack`) of a model against a richer model with more free values.
 
     Args:
         name: name of the recordings.

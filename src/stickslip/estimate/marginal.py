@@ -94,7 +94,7 @@ Hold = Callable[[float, Values], tuple[Fit, Fit]]
 
 
 def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
-    """Return the fit averaged over all plausible values of one parameter, with the others fitted to each
+    """Return the fit averaged over all plausible values of one parameter, with the others fitted at each
     value.
 
     Args:
@@ -105,8 +105,8 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
             noise alone, and one whose uncertainty includes that of known quantities.
 
     Returns:
-        The averaged fit, without a Jacobian; or, if the data do determine the value, the values by name of
-        the best point: an initial guess for a search of all parameters.
+        The averaged fit, at the mean values and without a Jacobian; or, if the data do determine the value,
+        the values by name of the best point: an initial guess for a search of all parameters.
     """
     place = [p.name for p in fit.parameters].index(name)
     p, others = fit.parameters[place], [q for q in fit.parameters if q.name != name]

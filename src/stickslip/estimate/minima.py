@@ -12,7 +12,8 @@ from .covariance import Uncertainty
 from .parameter import Parameter, Values
 from .quantiles import chi_squared
 
-# Two minima are different if a coordinate differs by more than this number of standard errors.
+# Two minima are different if a coordinate differs by more than this number of standard errors of the lower
+# minimum.
 APART = 1.0
 # Confidence level at which a minimum is rejected: its excess of chi-squared is beyond this quantile.
 LEVEL = 0.95

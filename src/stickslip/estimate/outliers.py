@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# Smallest distance of a spike from both neighbours, in standard deviations of the noise; no sample of
-# Gaussian noise has this distance.
+# Smallest distance of a spike from both neighbours, in standard deviations of the noise; practically no
+# sample of Gaussian noise has this distance.
 FAR = 8.0
 # Largest share of samples that count as spikes; more are noise with long tails, or model error.
 MOST = 0.01

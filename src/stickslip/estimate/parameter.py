@@ -13,8 +13,8 @@ from ..quantities.units import QuantityError
 
 Values = dict[str, float]
 
-# First search range of a parameter: from its initial guess divided by this factor to its initial guess times
-# this factor.
+# First search range of a parameter without given bounds: from its initial guess divided by this factor (0 if
+# the parameter may be 0) to its initial guess times this factor.
 REACH = 30.0
 # Smallest value, relative to the shift, that is distinguished from 0: the rounding error of the logarithm of
 # value plus shift.
@@ -40,7 +40,8 @@ class Parameter(NamedTuple):
     included.
 
     A `fixed` parameter keeps its initial value; a `tied` one is an expression of others (see `tied`) without
-    start and bounds: ``Parameter("coulomb_force", unit="N", tied="0.8 * stiction_force")``.
+    start and bounds: ``Parameter("coulomb_force", unit="N", tied="0.8 * stiction_force")``. Fields that
+    contradict each other raise QuantityError.
     """
 
     name: str

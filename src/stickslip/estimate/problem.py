@@ -80,8 +80,9 @@ class Problem:
 
     Raises:
         FitError: the residuals cannot be computed at the initial guess; there are not more data than
-            parameters; no parameter is free, or two have the same name; the loss is unknown; or the
-            statements on the noise contradict each other (a prior needs known noise).
+            parameters; no parameter is free, or two have the same name; the loss is unknown; or the noise is
+            not above 0, given for some recordings only, or not known although there is a prior.
+        QuantityError: an expression of a tied parameter is wrong, see `Ties`.
     """
 
     def __init__(
@@ -167,15 +168,15 @@ class Problem:
 
     def widen(self, place: int, side: int) -> bool:
         """Move one end (-1: lower, 1: upper) of the search range of the parameter with the index `place`
-        outwards, for all later searches; return False if the end is at its limit."""
+        outwards, for all later searches; return False if the end cannot move (see `Parameter.widened`)."""
         p = self.parameters[place]
         wider = p.widened(side)
         self._set_ends(place, wider)
         return wider != p
 
     def initial_at(self, values: Values) -> np.ndarray:
-        """Return the coordinates q [k] of an initial guess, values by name; search ranges are extended to
-        contain the values, and values beyond a limit are cut."""
+        """Return the coordinates q [k] of an initial guess, values by name; the search ranges of this problem
+        are extended to contain the values, and values beyond a limit or bound are cut."""
         for place, p in enumerate(self.parameters):
             held = p.starting_at(values[p.name])
             self._set_ends(place, p._replace(lower=held.lower, upper=held.upper))
@@ -212,7 +213,8 @@ class Problem:
 
         Raises:
             ArithmeticError: a tied value is not finite.
-            TypeError: a residual function returns another shape than (n,).
+            TypeError: a residual function returns another shape than (n,). Errors of the residual functions
+                pass unchanged.
         """
         values = self.values(q)
         for p in self.ties.beside:
@@ -229,6 +231,7 @@ class Problem:
         last, shape (n + priors,); NaN where the model fails, so that the optimiser shortens its step.
 
         Also count the evaluation, keep the point with the lowest sum of squares in `best`, and call `after`.
+        At the point of the previous call, only the known residuals are returned.
         """
         key = q.tobytes()
         if key == self.last[0]:

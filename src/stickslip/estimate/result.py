@@ -223,8 +223,8 @@ class Fit:
         return {p.name: interval(p, i, values[p.name], spread, t) for i, p in enumerate(ties.shown(values))}
 
     def with_minima(self, others: Sequence[Minimum]) -> Fit:
-        """Return a copy of the fit with other minima, except those that equal its own minimum or each
-        other."""
+        """Return a copy of the fit with `others` as its `minima`, the best first, except those that equal its
+        own minimum or each other. Exchangeable parameters are reordered, see `relabelled`."""
         kept: list[Minimum] = []
         own = Minimum(self.values, self.uncertainty, 0.0)
         if self.exchangeable:
@@ -264,7 +264,7 @@ class Fit:
 
     @property
     def doubt(self) -> str:
-        """Return the reason why this may not be the best fit (not converged, or searches that ended
+        """Return the reason why this may not be the best fit (not converged, or some searches ended
         elsewhere); "" if the searches show none."""
         if not self.converged:
             return f"not converged: {self.message}"
@@ -319,8 +319,8 @@ class Fit:
 
     @cached_property
     def lack(self) -> tuple[Lack, ...]:
-        """Return the lack-of-fit test of each recording, after clock jitter is removed, see `lacks_of`; empty
-        if no noise is known independently."""
+        """Return the lack-of-fit test of each recording, after clock jitter is removed, see `lacks_of` and,
+        for unknown noise, `Lack`; empty if the fit has no `known`."""
         if not self.known:
             return ()
         share = (self.n_data - self.degrees_of_freedom) / max(self.n_data, 1)

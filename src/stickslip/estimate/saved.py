@@ -32,8 +32,9 @@ def packed(item: Any) -> Any:
     """Return an item in a form that JSON can represent.
 
     Records (named tuples and dataclasses) become dictionaries of their fields, with the name of the type as
-    "type". Arrays and datasets become nested lists with their kind of number, and a bound method becomes its
-    owner and its name. Lists and tuples become lists.
+    "type". Arrays and datasets become nested lists with their kind of number, mappings lists of pairs, NaN
+    and infinity texts, and a bound method its owner and its name, each in a dictionary with a "type". Lists
+    and tuples become lists.
 
     Raises:
         TypeError: the item contains an unsupported type.
@@ -72,7 +73,8 @@ def packed(item: Any) -> Any:
 
 
 def unpacked(item: Any, types: Mapping[str, type]) -> Any:
-    """Return the item that `packed` has converted; lists become tuples. Nothing in the content is executed.
+    """Return the item that `packed` has converted; lists become tuples. Nothing in the content is executed;
+    only record types in `types`, arrays and datasets are constructed.
 
     Args:
         item: the content of the JSON text.

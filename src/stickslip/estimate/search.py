@@ -22,7 +22,7 @@ from .whiteness import white
 
 # Hopping looks for a lower minimum by short searches of `LOOK` steps: from the best LOOKED_AT of SCREENED
 # points within the bounds, and from the best minimum with one parameter multiplied by each of HOPS (on a
-# linear scale, shifted by shares of its range).
+# linear scale, shifted by up to 14 % of its range).
 LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
 # Difference of cost, in variances of the noise, below which two searches have found the same minimum.
 SAME_MINIMUM = 0.01
@@ -98,8 +98,9 @@ class SearchResults:
         return sum(end.cost <= most for end in self.ends)
 
     def run(self) -> None:
-        """Search from all initial guesses, then hop from the best end up to `hops` times. Hopping ends when
-        it finds no lower minimum, when only white noise is left, or when the budget is spent."""
+        """Search from all initial guesses at which the model can be computed, then hop from the best end up
+        to `hops` times, and add the ends to `ends`. Hopping ends when it finds no lower minimum, when only
+        white noise is left, or when the budget is spent."""
         problem, options = self.problem, self.options
         first = problem.start
         if options.initial is not None:
@@ -148,8 +149,9 @@ class SearchResults:
         """Search from the coordinates q [k] and return the `End`.
 
         One-sided differences come first, then two-sided ones, each with at most `most` steps. A short search,
-        with `most` below the option `max_evaluations`, has only one-sided ones; with the option `central` or
-        a given Jacobian, only the second search is made.
+        with `most` below the option `max_evaluations`, has only one-sided ones. With the option `central` or
+        a given Jacobian, there are only two-sided ones. The search changes `best`, `best_cost` and `after` of
+        the problem.
 
         Args:
             number: number of the initial guess, from 1.
@@ -210,7 +212,8 @@ class SearchResults:
 
     def _improved(self, guesses: Sequence[Array]) -> bool:
         """Search briefly (`LOOK` steps) from each of the coordinates `guesses`. If the lowest end is below
-        the best one so far, continue from it and return True; otherwise return False."""
+        the best one so far, continue from it, add the new end to `ends` and return True; otherwise return
+        False."""
         starts, lowest = self.options.starts, self.best.cost
         looks = [self.search(starts, q, LOOK) for q in guesses]
         look = min(looks, key=lambda end: end.cost, default=None)

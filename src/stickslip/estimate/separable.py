@@ -121,8 +121,8 @@ def separable(
 
 
 def _solve(recording: SeparableRecording, design: Design, before: _Solved | None) -> _Solved:
-    """Return the best coefficients of one recording. If the weighted matrix of the recording `before` is the
-    same, as for channels with equal weights, its factors are used again."""
+    """Return the best coefficients of one recording. If the solved recording `before` has the same matrix
+    (the same object) and equal weights, its factors are used again."""
     noise = 1.0 if recording.noise is None else recording.noise
     weights = np.broadcast_to(1 / np.asarray(noise, dtype=float), recording.measured.shape)
     if before and before.design.matrix is design.matrix and np.array_equal(before.weights, weights):

@@ -17,7 +17,7 @@ from .search import SAME_MINIMUM
 
 # Evaluations after which a search from a distant point is near a local minimum.
 ENOUGH = 12
-# Number of searches, from the lowest, that are completed.
+# Number of searches, from the lowest, that are completed, apart from the user's.
 FOLLOWED = 3
 
 

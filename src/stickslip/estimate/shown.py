@@ -60,8 +60,9 @@ def as_dict(fit: Fit, level: float) -> dict[str, Any]:
     """Return the fit as a dictionary for JSON, with None in place of NaN and infinity.
 
     The keys "parameters" and "recordings" contain a dictionary for each name: value, unit, standard_error,
-    interval (lower and upper end, at the confidence level `level`, 0 to 1) and bounds; r_squared, rmse, unit
-    and n_data. Other keys are the names of attributes of `Fit`, such as "failures", and "lack_of_fit".
+    interval (lower and upper end, at the confidence level `level`, 0 to 1), level and bounds, if it applies
+    also fixed (True), tied (expression), interval_systematic and interval_both; r_squared, rmse, unit and
+    n_data. Other keys are the names of attributes of `Fit`, such as "failures", and "lack_of_fit".
     """
     intervals, errors = fit.confidence_intervals(level), fit.standard_errors
     wider = systematic_numbers(fit, level)

@@ -5,8 +5,8 @@ coordinates q by
 
 .. math:: \Delta q = u \, d\hat q / d\ln s
 
-where u is its relative standard uncertainty. The errors are independent, so the squares of all such changes
-and of the half width of the statistical interval are added.
+where u is the relative standard uncertainty of the scale s. The errors are independent, so the squares of all
+such changes and of the half width of the statistical interval are added.
 """
 
 from __future__ import annotations
@@ -65,7 +65,8 @@ def intervals_with_systematics(
     Args:
         fit: fit with its systematic errors.
         level: confidence level, 0 to 1.
-        intervals: statistical intervals, by name; None: those of the fit.
+        intervals: statistical intervals, by name, the only ones that are widened and returned; None: all of
+            the fit.
     """
     errors, statistical = systematic_errors(fit), intervals or fit.confidence_intervals(level)
     if not errors:

@@ -56,13 +56,13 @@ def sample_tempered(
         size: number of coordinates.
         columns: function from points z [n, size] to the sampled values [n] by name.
         units: name and unit of each column.
-        draws: number of points of all runs together.
+        draws: number of points of all runs together; each run has at least 2 `size`.
         seed: seed of the draws.
         progress: called after each level as ``progress(doing, done)``, with the mean exponent β as `done`.
 
     Raises:
-        FitError: fewer than two points of the prior are possible in a run, or the posterior is not reached in
-            `MOST_LEVELS` levels.
+        FitError: fewer than two points of the prior are possible in a run, the posterior is not reached in
+            `MOST_LEVELS` levels, or `summary_of` fails (without arviz).
     """
     random = np.random.default_rng(seed)
     count = max(2 * size, draws // CHAINS)
@@ -191,8 +191,8 @@ def _accept(
     beta: Array,
     random: np.random.Generator,
 ) -> Array:
-    """Make a Metropolis-Hastings step, in place, and return the fraction of accepted steps of each run
-    [runs].
+    """Make a Metropolis-Hastings step, in place in `z` and `found`, and return the fraction of accepted steps
+    of each run [runs].
 
     `proposed` are the new points, as z. `log_ratio` [runs, n] is the log ratio of the proposal densities, of
     the present points over the proposed ones. Other arguments as for `_walk`.
