@@ -110,8 +110,7 @@ def _acts_of(path: Path) -> list[dict[str, Any]]:
 def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
     """Return the actions in the lines of a log, in the same order, each with those of `_FIELDS` that are
     texts. A line is left out if it is not JSON, has no valid time, or lacks the text of "act", "name" or, for
-    a renaming, "was".
-    """
+    a renaming, "was"."""
     found = []
     for line in filter(None, lines):
         try:

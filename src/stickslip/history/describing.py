@@ -1,6 +1,5 @@
 """Read recordings, fits, experiments and parameter sets, and return their columns for the index; change the
-notes and tags of recordings and fits.
-"""
+notes and tags of recordings and fits."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
 """Index of the runs in a folder: one SQLite table beside the files, which every query updates first. Runs are
-moved to the bin, listed there and restored.
-"""
+moved to the bin, listed there and restored."""
 
 from __future__ import annotations
 
@@ -130,8 +129,7 @@ class Index:
 
     def binned(self) -> list[str]:
         """Return the names (paths in the folder before the deletion) of the files and folders of fits in the
-        bin, the last deleted first.
-        """
+        bin, the last deleted first."""
         root = self.folder / BIN
         moved = [path.parent for path in root.rglob("results.json")]
         moved += [p for p in root.rglob("*") if p.is_file() and not any(p.is_relative_to(m) for m in moved)]

@@ -1,6 +1,5 @@
 """Search a laboratory's folder for runs (recordings, fits, experiments, parameter sets) without reading them.
-Samples of killed programs become recordings first.
-"""
+Samples of killed programs become recordings first."""
 
 from __future__ import annotations
 

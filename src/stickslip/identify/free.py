@@ -377,8 +377,7 @@ def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | 
 
 def check_names(free: Sequence[str], known: Sequence[str], bounds: Bounds) -> None:
     """Raise `QuantityError` unless `free` is a list of at least one name, every free name is known and given
-    once, and every bound belongs to a free name.
-    """
+    once, and every bound belongs to a free name."""
     _check_list(free, known)
     for name in free:
         if name not in known:

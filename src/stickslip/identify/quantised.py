@@ -82,8 +82,7 @@ def moved_by(known: Sequence[Inexact], residuals: Callable[[Sequence[Array]], Ar
 def with_moved(fit: Fit, moved: Array | None, said: str) -> Fit:
     """Return the fit with the uncertainty added that follows from the residual changes `moved`, shape (draws,
     n), from `moved_by`; unchanged if `moved` is None or the fit has no Jacobian. The remark `said` is added
-    if this is more than `WORTH_SAYING` of the variance of any parameter.
-    """
+    if this is more than `WORTH_SAYING` of the variance of any parameter."""
     if fit.jacobian is None or moved is None:
         return fit
     wider = with_inherited(fit, moved.T, np.eye(DRAWS) / DRAWS)

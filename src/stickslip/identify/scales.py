@@ -57,7 +57,8 @@ class ByKnown(NamedTuple):
 
     Attributes:
         inputs: derivatives by the logarithm of the scale of each input channel, by the name of the channel.
-        by_stage: derivatives by the coordinates q of values from an earlier fit, by the name of the value.
+        by_stage: derivatives by the search coordinates (such as logarithms) of values from an earlier fit, by
+            the name of the value.
     """
 
     inputs: Mapping[str, Array]
@@ -127,8 +128,8 @@ def by_prediction(recordings: Sequence[xr.Dataset], name: str) -> Callable[[Fit]
 
 
 def moved(fit: Fit, column: Array, known: Mapping[str, float]) -> dict[str, float]:
-    """Return the changes of the fitted coordinates q, by parameter name, if a known quantity changes the
-    residuals.
+    """Return the changes of the fitted search coordinates (such as logarithms of the values), by parameter
+    name, if a known quantity changes the residuals.
 
     Coordinates in `known` change by the values given there, coordinates at a bound do not change, and all
     others follow by least squares. Changes that are not finite are left out.
@@ -136,7 +137,7 @@ def moved(fit: Fit, column: Array, known: Mapping[str, float]) -> dict[str, floa
     Args:
         fit: fit with its Jacobian.
         column: change of the residuals, in the unit of the data, shape (n,).
-        known: given changes of coordinates q by the name of the parameter.
+        known: given changes of coordinates by the name of the parameter.
     """
     rows, target = tangent(fit), over_noise(fit, column[:, None])[:, 0]
     fixed = {i: known[p.name] for i, p in enumerate(fit.parameters) if p.name in known}

@@ -66,9 +66,9 @@ def identify_stribeck(
         law, a `Stribeck`; `failures` say if the points do not show the fall of friction with speed.
 
     Raises:
-        FitError: the points in motion are too few (at least 6 at 4 speeds are needed), or points are not
-            finite, the friction drives the motion (its sign is wrong), a deviation is not above 0, or an
-            offset is requested for points of one sign.
+        FitError: there are fewer than 6 points in motion or 4 speeds; points are not finite; the friction
+            drives the motion (its sign is wrong); a deviation is not above 0; or an offset is requested for
+            points of one sign.
         QuantityError: an expression in `tied` is wrong.
     """
     v, f, noise, remarks = _points(velocity, force, deviation)

@@ -183,8 +183,7 @@ def _stiffness(law: Any) -> float:
 def _elastic_range(law: Any, z_c: float) -> float:
     """Return the largest displacement from rest [m], in steps of z_c/50 below 2 z_c, up to which the way back
     returns at least 99.9 % of the work. z_c [m] is the sliding force over the stiffness; 0 for a rigid
-    contact, for which the result is 0.
-    """
+    contact, for which the result is 0."""
     widest = 0.0
     if z_c == 0.0:
         return widest

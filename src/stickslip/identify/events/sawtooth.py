@@ -118,8 +118,7 @@ WALK_UNITS = {
 def _line(t: Array, x: Array, first: float, last: float, at: float) -> float:
     """Return the value at time `at` [s] of the least-squares line through the samples x [n] between the times
     `first` and `last` [s]; NaN for fewer than three samples, or if `first` is before all samples. t are the
-    ascending times of all samples, s, [n].
-    """
+    ascending times of all samples, s, [n]."""
     i, j = np.searchsorted(t, (first, last))
     if j - i < 3 or first < t[0]:
         return math.nan

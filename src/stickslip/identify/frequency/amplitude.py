@@ -48,7 +48,7 @@ class AmplitudeModel(NamedTuple):
         reference: the model at the reference amplitude.
         slope: change per relative change of the amplitude there: relative for natural frequencies and damping
             ratios, in their unit for gain, rate gain and remainder, 0 for the delay.
-        exponent: p.
+        exponent: p, the exponent of the amplitude law.
         amplitude: the reference amplitude a_0, V rms.
         lowest, highest: range of the fitted amplitudes, V rms.
     """

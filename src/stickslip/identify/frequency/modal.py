@@ -55,9 +55,9 @@ class ModalModel(NamedTuple):
         natural_frequency: shape (modes,), rad/s.
         damping_ratio: shape (modes,).
         delay: s.
-        gain: A, shape (modes, outputs, inputs), unit of the response per unit of the drive, as m/V.
-        rate_gain: B, same shape and unit.
-        remainder: D, shape (outputs, inputs), same unit.
+        gain: static gains A, shape (modes, outputs, inputs), unit of response per unit of drive, as m/V.
+        rate_gain: rate gains B (0 for real mode shapes), same shape and unit.
+        remainder: gain D of the modes above the band, shape (outputs, inputs), same unit.
     """
 
     natural_frequency: np.ndarray

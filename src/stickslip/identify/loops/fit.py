@@ -109,9 +109,10 @@ def identify_loops(
             or with an angle [rad] and a torque [N m] in these channels, and all parameters in their units.
         model: friction law with the initial values; its forces hold at `reference_normal_force`.
         free: parameters to fit: scalar fields of the law, values of its elements ("stiffness_2"),
-            "stiction_ratio" and "breakaway_share" (see `identify_friction`), and "bias", "contact_offset",
-            "asymmetry", "curvature", "drift" and "load_exponent": b, q, a, h, c and p of the module's
-            equation. Each is a name or a `Parameter`, as for `identify_friction`.
+            "stiction_ratio" and "breakaway_share" (see `identify_friction`), and values of the channel and
+            contact: "bias", "contact_offset" (a force that does not reverse), "asymmetry" and "curvature"
+            (differences of the directions), "drift" and "load_exponent", in the module's equation b, q, a, h,
+            c and p. Each is a name or a `Parameter`, as for `identify_friction`.
         reference_normal_force: N; the recordings then have normal_force [N], and the law's forces follow it,
             in proportion unless load_exponent is free. By default, the normal force is constant.
         bounds: lower and upper bound of free parameters by name, in SI or as strings. By default they are
@@ -124,11 +125,9 @@ def identify_loops(
             ``{"strength_2": "0.5 * strength_1"}``.
         noise: standard deviation of the force, N (N m); by default estimated from the residuals.
         starts, seed, max_evaluations, progress: as for `identify_friction`.
-        tolerance: largest error of the deflections in the simulation, m; never more than a millionth of the
-            stroke.
-        correlated: the uncertainty allows for residuals that are correlated in time, as model errors are. The
-            correlation comes from the residuals as in `identify_friction`; with a given `noise`, from a
-            window over lags.
+        tolerance: largest error of simulated deflections, m; at most a millionth of the stroke.
+        correlated: the uncertainty allows for residuals correlated in time, as model errors are: as in
+            `identify_friction` or, with a given `noise`, by a window over lags.
 
     Returns:
         A fit whose `model` is the law with the fitted values, and whose ``predict(recording)`` is the force
@@ -245,7 +244,8 @@ def _with_other_stiffnesses(
     less: Callable[[Fit], float],
 ) -> Fit:
     """Return the fit, or a better one at another stiffness, with intervals that include other stiffnesses
-    that fit as well; unchanged without a single free stiffness, or if the law describes the forces."""
+    that fit as well; unchanged without a single free stiffness, or if the law describes the forces. `search`
+    takes initial guesses; the others are as for `_lowest`."""
     name, points, counts = stiffness_of(fit), (), less(fit)
     if name is None or counts <= 1.0:
         return fit
@@ -271,7 +271,7 @@ def _searched(
 ) -> Fit:
     """Return the fit at the lowest minimum of searches from the initial guesses `guesses` and, if `starts` is
     above 1, from `starts` - 1 random ones within the bounds. `less` returns the factor by which excesses of
-    chi-squared are divided, as in `lowest`."""
+    chi-squared are divided, as in `lowest`; the others are as for `identify_loops`."""
     problem.budget = budget
 
     def search(initial: Values, most: int, starts: int = 1) -> Fit:
@@ -386,8 +386,8 @@ def _with_inexact(
 def _slope(
     fit: Fit, name: str, responses: Sequence[Callable[..., Any]], model: Any, reach: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    """Return the derivatives of all forces by a term of the channel that is not free, shape (samples of all
-    recordings,)."""
+    """Return the derivatives of all forces by the named term of the channel, which is not free, shape
+    (samples of all recordings,). `responses` predict the forces; `reach` has typical sizes by name."""
     h = DIFFERENCE_STEP * reach[name]
     sides = [
         np.concatenate([response(model, {**fit.values, name: x}) for response in responses]) for x in (h, -h)

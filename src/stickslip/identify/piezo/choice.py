@@ -46,8 +46,9 @@ class Shape(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """Result of the choice: `grid` of the model's columns; `late`, delay and lag of the voltage; `score`, the
-    typical rms residual of the held-out parts, m (see `typical`); and `remarks`, sentences on the choice."""
+    """Result of the choice: `grid`, the model's thresholds, zones and creep times; `late`, delay and lag of
+    the voltage; `score`, the typical rms residual of the held-out parts, m (see `typical`); and `remarks`,
+    sentences on the choice."""
 
     grid: PlayGrid
     late: Lateness
@@ -150,7 +151,7 @@ def _remarks(
 
     Args:
         observed: the recordings.
-        grid: columns of the chosen model.
+        grid: thresholds, zones and creep times of the chosen model.
         tried: number of compared models.
         creep: the user's choice; None: left to cross-validation.
         long_enough: True if the recordings are long enough to show creep.
@@ -181,7 +182,7 @@ def left_of_all(observed: Sequence[Observed], late: Lateness, grid: PlayGrid) ->
     Args:
         observed: the recordings.
         late: delay and lag of the voltage.
-        grid: columns of the model.
+        grid: thresholds, zones and creep times of the model.
     """
     parts = [columns(one, late.timing, grid) for one in observed]
     positions = [one.position for one in observed]

@@ -112,8 +112,7 @@ class PlayGrid(NamedTuple):
 
     def skewed_by(self, skew: float) -> PlayGrid:
         """Return the grid with this skew [1/V]; the thresholds are scaled with the range of the plays' input,
-        which the skew changes. A grid without zones can only have the skew 0.
-        """
+        which the skew changes. A grid without zones can only have the skew 0."""
         if skew == self.skew:
             return self
         low, high = self.zones[0], self.zones[0] + ZONES * (self.zones[1] - self.zones[0])

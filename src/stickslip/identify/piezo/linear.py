@@ -71,9 +71,9 @@ def solve(
     """Return the least-squares solution over the selected samples, with weights and creep not negative.
 
     Args:
-        parts: columns of each recording.
+        parts: for each recording the responses that the coefficients multiply (`columns`).
         positions: measured positions [m] of each recording.
-        grid: grid of the columns.
+        grid: thresholds, zones and creep times with which the columns were made.
         kept: for each recording, True for the samples that are used, [n].
     """
     creeping, found = bool(grid.times.size), None

@@ -36,7 +36,8 @@ def first_model(
         skew: skew of the plays' input, 1/V, fixed.
 
     Returns:
-        The grid of thresholds and zones, the columns of each recording, and the coefficients, in this order.
+        The grid of thresholds and zones, the responses of each recording that the coefficients multiply
+        (`columns`), and the coefficients, in this order.
     """
     grid = PlayGrid.over(*range_of(seen), FIRST_PLAYS, True, 0.0, skew)
     parts = [columns(one, timing, grid) for one in seen]

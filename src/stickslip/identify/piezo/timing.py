@@ -117,7 +117,8 @@ def lateness(
 
     Args:
         observed: the recordings.
-        grid: columns of the model, whose coefficients are fitted to the samples outside the windows.
+        grid: thresholds, zones and creep times of the model, whose coefficients are fitted to the samples
+            outside the windows.
         edges: edges with their windows.
         near: initial guess; None: the best of several guesses.
     """
@@ -166,7 +167,7 @@ def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution,
     The mean of each window is subtracted, because creep from before an edge is not a lag.
 
     Args:
-        parts: columns of each recording.
+        parts: for each recording the responses that the coefficients multiply (`columns`).
         positions: measured positions of each recording, m.
         found: coefficients of the columns.
         edges: windows after the edges.

@@ -121,7 +121,8 @@ class _Space(NamedTuple):
             which are integrated out.
         power: for each searched coordinate the exponent that straightens a curved minimum: the search uses
             exp(power (q - centre)); 0: the search uses q itself.
-        bend: matrix C of the module's docstring, for the parameters of the fit of the walks.
+        bend: matrix that adjusts the curvature of the likelihood, C in the module's docstring, for the
+            parameters of the fit of the walks.
     """
 
     fit: Fit
@@ -215,8 +216,8 @@ def _variance(fit: Fit) -> float:
 
 
 def _start(fit: Fit) -> Array:
-    """Return the covariance of the fit's coordinates q, shape (parameters, parameters), with each standard
-    deviation limited to a tenth of the range between bounds.
+    """Return the covariance of the fit's search coordinates, shape (parameters, parameters), with each
+    standard deviation limited to a tenth of the range between bounds.
 
     A coordinate without a finite variance gets a standard deviation of 1 % of its range, uncorrelated.
     """
@@ -261,8 +262,8 @@ def _begin(of: _Space, motions: Sequence[Displacement]) -> Mixture:
 
 
 def curvature_adjustment(fit: Fit, variance: float) -> Array:
-    """Return the matrix C of the module's docstring, shape (parameters, parameters); the identity if the fit
-    assumes white noise.
+    """Return the matrix that gives the likelihood the curvature of the fit's own covariance (C in the
+    module's docstring), shape (parameters, parameters); the identity if the fit assumes white noise.
 
     Rows and columns of coordinates at a bound, or without information in the data, are those of the identity.
 

@@ -195,7 +195,8 @@ def _moves(fits: Sequence[Fit], name: str) -> float:
     """Return the p-value of Cochran's Q: the probability that the estimates of a constant parameter scatter
     so much.
 
-    The test uses coordinates q and their variances; it is NaN if fewer than two fits give a finite variance.
+    The test uses search coordinates (such as logarithms of the values) and their variances; it is NaN if
+    fewer than two fits give a finite variance.
     """
     place = [p.name for p in fits[0].shown].index(name)
     q = np.array([fit.shown[place].coordinate(fit.values[name]) for fit in fits])

@@ -290,8 +290,8 @@ def _starts(parameters: Sequence[Parameter]) -> Values:
 
 
 def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
-    """Return the parameters' values by name, SI, after changes `moves` of their coordinates q, shape
-    (parameters,), limited to the bounds."""
+    """Return the parameters' values by name, SI, after changes `moves` of their search coordinates (such as
+    logarithms), shape (parameters,), limited to the bounds."""
     found = {}
     for p, move in zip(parameters, moves, strict=True):
         value = p.value(p.coordinate(p.start) + move)

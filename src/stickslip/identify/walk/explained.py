@@ -127,10 +127,10 @@ def explained(
 
 
 def contradicted(fit: Fit, everything: Explained) -> tuple[str, ...]:
-    """Return the names of friction parameters whose values in the fit to all walks are far outside their
-    intervals in `fit`, a fit to some walks.
+    """Return the names of friction parameters whose values in `everything`, the fits to all walks, are far
+    outside their intervals in `fit`, a fit to some walks.
 
-    The tuple is empty if there are none, or if the model does not explain all walks.
+    The tuple is empty without such parameters, or if the model does not explain all walks.
     """
     if any(one.seen for one in (*fit.lack, *everything.lacks)):
         return ()

@@ -60,7 +60,8 @@ def _guessed(
     parts: int,
 ) -> tuple[list[Parameter], list[Values]]:
     """Return parameters with wide bounds, and initial guesses, as `initial_guesses` does, from the simulation
-    `short` of one recording's first samples and its `measured` positions, m (rad)."""
+    `short` of one recording's first samples and its `measured` positions, m (rad). `name` is the recording's,
+    and `stroke` the stage's [m]."""
     varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
     residuals = Residuals(
         lambda v: observed(short, varied, v) - position, position, walks.noise, name, walks.unit

@@ -256,8 +256,8 @@ def prediction_band(
 
     Args:
         fit: fit whose covariance is used.
-        slopes: derivatives of the prediction by the coordinates q of the fit, shape (n, k); for the
-            recordings of the fit, `fit.jacobian`.
+        slopes: derivatives of the prediction by the k search coordinates of the fit (such as logarithms of
+            the parameters), shape (n, k); for the recordings of the fit, `fit.jacobian`.
         level: confidence level, between 0 and 1.
         observation: True: the band contains a single noisy sample; False: it contains the curve without
             noise.

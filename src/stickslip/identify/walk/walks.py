@@ -292,7 +292,7 @@ def slopes_of(
 ) -> Callable[[Values], Array]:
     """Return a function that takes values by name, SI, and returns the derivatives of the residuals of all
     recordings by the values named in `free`, SI, shape (samples of all recordings, free). Tied values count
-    as independent."""
+    as independent. `motions` simulate the recordings; `varied` is as for `observed`."""
     own = [name for name in free if name not in CHANNEL]
 
     def of(values: Values) -> Array:
@@ -329,8 +329,9 @@ def by_values(columns: Mapping[str, Array], fit: Fit, names: Sequence[str]) -> A
 
 
 def by_coordinates(columns: Mapping[str, Array], fit: Fit) -> Array:
-    """Return the derivatives of a position by the k coordinates q of a fit's parameters, shape (samples, k),
-    including the effect of tied values; `columns` come from `columns_of`."""
+    """Return the derivatives of a position by the k search coordinates q of a fit's parameters (such as
+    logarithms of values), shape (samples, k), including the effect of tied values; `columns` come from
+    `columns_of`."""
     slopes = [p.slope(fit.values[p.name]) for p in fit.parameters]
     return fit.ties.follow(columns, fit.values, [p.name for p in fit.parameters]) * slopes
 
