@@ -17,8 +17,8 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
         package: name of the package (``__name__``).
         file: path of its ``__init__.py``, beside the stub ``__init__.pyi`` that lists the names.
 
-    The returned `__getattr__` raises AttributeError with the most similar name for an unknown name, and
-    ModuleNotFoundError with the command to install a missing package.
+    The returned `__getattr__` raises AttributeError for an unknown name, with a similar name if there is one,
+    and ModuleNotFoundError with the command to install a missing package.
     """
     imported, names, listed = lazy_loader.attach_stub(package, file)
 

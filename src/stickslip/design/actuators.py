@@ -55,11 +55,11 @@ def optimise_actuator(
 
     Args:
         model: the actuator; or several by name (friction pairs, stacks), each of which is searched.
-        goal: "speed", or one of the goals in `stickslip.design`.
+        goal: "speed", "ripple", "backward_rate", or one of the goals in `stickslip.design`.
         free: free parameters and their ranges, ``{"stage_mass": ("50 g", "200 g"), "load": (0.5, 2)}``:
             fields of actuator and law, "load" (the normal force relative to that of the model's friction), or
             "stage_stiffness". If the stage's mass or stiffness is free, its natural frequency follows from
-            both, unless it is free itself; gain and damping ratio are constant.
+            both, unless it is free itself; gain and damping ratio are constant unless they are free.
         max_voltage, min_voltage, frequency, scenarios, minimum_speed, threads, progress: as for
             `optimise_waveform`. If a scenario or a draw changes a free parameter, each candidate's value
             changes in the same proportion.
@@ -69,7 +69,7 @@ def optimise_actuator(
         holding_force: smallest allowed holding force of the contact (Coulomb force times "load"), N, or N m
             for rotary actuators. By default there is no such requirement.
         budget: number of candidates in the search for each model. With several conditions, further rounds
-            compute up to half as many, and then up to a sixth.
+            compute up to half as many, and then, at most three times, up to a sixth.
         seed: seed of the search.
 
     Returns:

@@ -22,6 +22,7 @@ VOLTAGES = (0.4, 0.6, 0.8, 1.0)
 # Frequencies of the grid, Hz. All but the first are primes that divide no usual sample rate, so that
 # successive periods are sampled at different phases.
 FREQUENCIES = (5.0, 11.0, 23.0, 47.0, 97.0, 197.0, 397.0)
+# Fractions of the period for the rise of the grid's sawtooths.
 RISES = (1.0, 0.8, 0.65)
 # Duration of a burst in one direction, s, and smallest number of periods of a burst. A single period in each
 # direction would not contain the jump from one period to the next.
@@ -38,7 +39,8 @@ def sawtooths(
 
     The bursts bring the end-effector back. With flanks that are not jumps, such recordings contain twice as
     much information as one long walk. If the fall would exceed the slew rate, the rise is shortened to leave
-    enough time for the fall; a sawtooth whose rise would be shorter than all of `RISES` is left out.
+    enough time for the fall; a sawtooth whose rise would be shorter than all of `RISES` is left out, as are
+    frequencies with two periods or fewer in the duration.
 
     Args:
         limits: limits of the output, whose largest voltage scales the grid.
@@ -72,7 +74,7 @@ def there_and_back(volts: float, hertz: float, rise: float, duration: float) -> 
         volts: amplitude, V: the sawtooths go from 0 V to this voltage.
         hertz: frequency, Hz.
         rise: fraction of the period for the rise; the fall takes the remainder.
-        duration: total duration, s, which is filled with pairs of bursts, at least one pair.
+        duration: total duration, s; the drive has as many pairs of bursts as fit into it, at least one.
     """
     periods = max(FEWEST, round(BURST * hertz))
     rise = round(rise, 6)

@@ -1,8 +1,8 @@
 """Choice of the most informative set of recordings from candidates.
 
 Recordings are added one after the other, each the best addition. Then each is exchanged for a better
-candidate, until no exchange improves the set. Candidates are known only by their information
-(`information.Seen`).
+candidate, until no exchange improves the set, at most `MOST_ROUNDS` times. Candidates are known only by their
+information (`information.Seen`).
 """
 
 from __future__ import annotations

@@ -157,8 +157,8 @@ def load_data_sheet(name: str | os.PathLike[str]) -> SheetSource:
         name: name of a sheet that comes with the package (`available_data_sheets`), or path of a TOML file.
 
     Raises:
-        ParameterSetError: there is no such sheet, or the file is wrong; names file and field.
-        QuantityError: the sheet contradicts itself.
+        ParameterSetError: there is no such sheet, the file is wrong, or the sheet contradicts itself; the
+            message names file and field, or both sides of the relation.
     """
     file = named_file(name, _SHEETS, "data sheet")
     with damaged(ParameterSetError, str(file)):

@@ -35,7 +35,7 @@ def default_drive(model: Actuator, voltage: bool, frequency: bool) -> Sawtooth:
         frequency: True if the user has given frequencies.
 
     Raises:
-        QuantityError: one of both is False, so that the drive is not defined.
+        QuantityError: one or both are False, so that the drive is not defined.
     """
     if not (voltage and frequency):
         lacking = "frequency [Hz]" if voltage else "voltage [V]"

@@ -58,8 +58,8 @@ def searched(
 ) -> PlannedWalk:
     """Search for the drive of the most informative recording, and return that recording.
 
-    The first knot of the polygon is fixed at the lowest allowed voltage; the other knots and the frequency
-    are searched.
+    The first knot of the polygon is fixed at the lowest allowed voltage, but not below 0 V; the other knots
+    and the frequency are searched.
 
     Args:
         asked: options of the search.

@@ -103,7 +103,7 @@ def seen(
 ) -> Seen:
     """Return the information in a planned recording on the coordinates of a fit, at the values of a model.
 
-    The arrays of the result have no leading axes; a recording with repetitions counts as often.
+    The arrays of the result have no leading axes; a recording counts once for each of its repetitions.
 
     Args:
         model: the actuator.

@@ -124,7 +124,8 @@ def step_map(
         speed_high (ends of the 95 % interval; NaN where fewer than nine draws of ten converged) and
         draws_converged; inequality, without the dimension of the direction (NaN where the net steps of both
         directions differ by less than a hundred tolerances). After Ctrl-C the points that are not computed
-        have the status "not_computed", and ``attrs["interrupted"]`` is 1.
+        have the status "not_computed", and ``attrs["interrupted"]`` is 1. A SimulationWarning is given then,
+        and for points whose error estimate exceeds the tolerance.
 
     Raises:
         QuantityError: a value is out of range, or a name is unknown; see also `steady_orbit`.

@@ -105,7 +105,7 @@ class OptimisedWaveform:
         return motion_by(model, {"optimised": self.at_piezo, "sawtooth": self.sawtooth_at_piezo})
 
     def report(self) -> str:
-        """Return the result as text, with a line for each of the worst conditions."""
+        """Return the result as text, with lines for the unchanged model and for the worst conditions."""
         unit, count = self.unit, len(self.conditions.names)
         how = "in the model as it is"
         if count > 1:

@@ -41,11 +41,11 @@ class Plan:
             half-widths are those of 95 % intervals, as shares of the value, or in the parameter's unit if the
             value is 0. For each parameter: `value` (SI); `half_width` with all recordings;
             `worst_half_width`, the largest one over the draws; `default_half_width` by the default recording
-            in equal time; and `narrower`, the latter over `half_width`. `expected` [count, parameter] and
-            `alone` [candidate, parameter] are half-widths with the first recordings, and with a single
-            candidate. For each candidate: `voltage` (greatest minus least, V); `frequency` (Hz, NaN if the
-            drive has none); `taken`, how often it is recorded; and `gain`, the default's standard error of
-            the goal over the candidate's at equal time.
+            in equal time; and `narrower`, the latter over `half_width` (1 if `half_width` is infinite).
+            `expected` [count, parameter] and `alone` [candidate, parameter] are half-widths with the first
+            recordings, and with a single candidate. For each candidate: `voltage` (greatest minus least, V);
+            `frequency` (Hz, NaN if the drive has none); `taken`, how often it is recorded; and `gain`, the
+            default's standard error of the goal over the candidate's at equal time.
         correlation: expected correlation of the fitted parameters, over "parameter" and "other".
         goal: name of the goal that the plan optimises.
         model: the actuator with which the recordings were simulated.

@@ -51,7 +51,7 @@ def save_plan(
         QuantityError: a waveform cannot be written to a file, `like` has no channel end_effector_position, or
             `like` is missing for a rotary actuator.
         InputFileError: `like` is no experiment file.
-        FileExistsError: the file exists.
+        FileExistsError: the file, or the parameter set beside it, exists.
     """
     path, before = Path(path), to_si(before, "s", "before")
     if like is None and plan.model.rotary:

@@ -36,8 +36,8 @@ USUAL = (65.0, 5.0)
 ALL = "all"
 # Smallest steady step, m, or rad for a rotary actuator, whose prediction can be the goal of a plan.
 LEAST_STEP = 1e-9
-# Largest expected standard error of a parameter, relative to its value, if all candidates are recorded; a
-# parameter with a larger error counts as undetermined.
+# Largest expected standard error of a parameter on a logarithmic scale, relative to its value, if all
+# candidates are recorded; a parameter with a larger error counts as undetermined.
 LOST = 5.0
 # Largest number of candidates that are also simulated at the draws.
 MOST_FOLLOWED = 24
@@ -377,7 +377,7 @@ def _usual(
     every: Seen,
     taken: Sequence[int],
 ) -> PlannedWalk:
-    """Return the planned recording with which a plan is compared: `default`, or the sawtooth `USUAL`.
+    """Return the recording with which a plan is compared: `default`, or `USUAL` up to the voltage limits.
 
     A waveform is recorded for `duration` [s], or for as long as the longest chosen candidate if that is
     longer; the sawtooth `USUAL` for at least two of its periods.

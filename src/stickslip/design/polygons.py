@@ -105,7 +105,7 @@ def sawtooths(x: Array, allowed: Allowed) -> Polygons:
 
     The coordinates are the share of the rise in the period, the frequency (logarithmic scale over the allowed
     range) and the swing from the lowest allowed voltage. Points [n, 2] have the whole swing. The swing is
-    reduced if a flank is too steep.
+    reduced about its middle if a flank is too steep.
     """
     rise = STEEPEST + (1.0 - 2.0 * STEEPEST) * x[:, 0]
     shares = np.stack([np.zeros_like(rise), rise], axis=1)

@@ -9,6 +9,7 @@ import numpy as np
 
 from .search import Array, Judge, Merits, worst_of
 
+# Number of frequencies in the first scan, evenly spaced on the logarithmic scale of the allowed range.
 FREQUENCIES = 25
 # After the scan, finer grids around the best sawtooth are computed in turn (zooms over rise and frequency).
 # ZOOMS: number of these grids; POINTS: their points along each axis; NARROWER: size relative to the previous

@@ -158,7 +158,7 @@ class Searched(NamedTuple):
 
     def chosen(self, best: Best, sawtooth: Polygons, spent: int) -> OptimisedWaveform:
         """Return the result of the search: the best drive as the converter outputs it, or the sawtooth if the
-        drive is worse than the sawtooth in any condition.
+        drive is worse than the sawtooth in any condition or has a lower score.
 
         Both are computed again at the tolerances of a result, with periods of a whole number of updates.
 

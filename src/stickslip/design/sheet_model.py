@@ -208,7 +208,7 @@ def from_data_sheet(
 
     Raises:
         QuantityError: a number is out of range, the sheet contradicts itself, or does not determine the step.
-        FitError: no actuator that was tried reproduces the sheet.
+        FitError: no actuator that was tried reproduces the sheet, or the package arviz is not installed.
         ParameterSetError: see `design.load_data_sheet`.
     """
     sources: Mapping[str, str] = {}

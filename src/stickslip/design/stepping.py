@@ -2,8 +2,8 @@
 the speed over the load.
 
 Each limit is searched on points over the whole range at once, and then between two of them on ever closer
-points. The step need not be monotonic, so each function says which crossing it returns, and warns if there
-are others.
+points. The step need not be monotonic, so each function says which crossing it returns; `minimum_voltage` and
+`blocking_force` warn if there are others.
 """
 
 from __future__ import annotations
@@ -64,8 +64,9 @@ def minimum_voltage(
     """Return the smallest peak-to-peak voltage of the drive, V, at which the net step is at least `step`.
 
     At higher voltage the step may decrease again (at high frequencies it does): then a `SimulationWarning`
-    names the voltage from which the step is not reached any more. A step that is reached only between two of
-    65 evenly spaced voltages is not found.
+    names the voltage from which the step is not reached any more. Otherwise one names a scanned voltage
+    without a steady walk, if there is any. A step that is reached only between two of 65 evenly spaced
+    voltages is not found.
 
     Args:
         model: the actuator.
@@ -79,7 +80,8 @@ def minimum_voltage(
         max_voltage: end of the search, V, peak to peak; by default the model's range above the rest voltage
             of the drive.
         tolerance: largest error of the result, V: a voltage lower by this amount does not reach the step.
-        threads, progress: as for `step_map`.
+        threads: as for `step_map`.
+        progress: called after the scan and at the end, with activity and finished fraction.
 
     Raises:
         SimulationError: no voltage in the range reaches the step; the message names the largest step.
@@ -149,9 +151,10 @@ def blocking_force(
     load at which the actuator walks again.
 
     Args:
-        model, waveform, output, threads, progress: as for `step_map`.
+        model, waveform, output, threads: as for `step_map`.
+        progress: as for `minimum_voltage`.
         max_load: end of the search, N; by default the largest force that the contact holds at rest, plus the
-            weight.
+            magnitude of weight and external force together.
         tolerance: largest error of the result, N: with a load lower by this amount the actuator still walks.
 
     Raises:
@@ -221,7 +224,8 @@ def stepping_frequency_limit(
     solver's tolerance. Gaps at lower frequencies are not reported; a map shows them.
 
     Args:
-        model, waveform, output, threads, progress: as for `step_map`.
+        model, waveform, output, threads: as for `step_map`.
+        progress: as for `minimum_voltage`.
         share: share of the greatest step, 0 <= share < 1.
         min_frequency, max_frequency: range of the search, Hz; by default up to ten times the natural
             frequency of the stage.

@@ -125,7 +125,8 @@ def voltage_for(table: StepTable, step: float | str) -> float:
 
 
 def save_step_table(table: StepTable, path: str | os.PathLike[str], name: str = "step") -> Path:
-    """Write a table as CSV with a comment head (suffix .csv) or as a C header (.h), and return the path.
+    """Write a table as CSV with a comment head (suffix .csv) or as a C header (.h), and return the path. An
+    existing file is replaced.
 
     The header needs C99 and nothing else. It has the functions ``NAME_at(voltage)`` (net step),
     ``NAME_low(voltage)`` and ``NAME_high(voltage)`` (ends of the band) in the table's unit, NaN beyond the

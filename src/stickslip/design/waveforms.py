@@ -55,7 +55,7 @@ def optimise_waveform(
 
     Args:
         model: the actuator; or a fit of one, whose covariance is then the `uncertainty`.
-        goal: "speed", or one of the goals in `stickslip.design`.
+        goal: "speed", "ripple", "backward_rate", or one of the goals in `stickslip.design`.
         knots: number of values within a period.
         max_voltage, min_voltage: V; by default those of the model (from 0 V if it has no minimum).
         frequency: range (low, high), Hz; by default around the stage's natural frequency, and the frequency
@@ -68,7 +68,7 @@ def optimise_waveform(
         minimum_speed: m/s, in every condition (or at the quantile), towards +x or in the direction of the
             goal; required by goals that are best without motion.
         budget: number of candidates in the first search. With several conditions, further rounds compute up
-            to half as many, and then up to a sixth.
+            to half as many, and then, at most three times, up to a sixth.
         seed: seed of search and draws.
         threads: number; by default all processors.
         progress: called during the search.
@@ -79,8 +79,8 @@ def optimise_waveform(
 
     Raises:
         QuantityError: no goal, limits that exclude every drive, an unknown name in a scenario or in the
-            uncertainty, an unsuitable model or number, no drive with a steady motion, or none that reaches
-            the minimum speed.
+            uncertainty, an unsuitable model or number, no drive with a steady motion, none that reaches the
+            minimum speed, or the package cma is not installed.
     """
     model, uncertainty = _model_of(model, uncertainty)
     speed = least_of(minimum_speed, unit_for(model, "m/s"), "minimum_speed")

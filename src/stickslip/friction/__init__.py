@@ -1,4 +1,5 @@
-"""Friction laws: each is a record and one function, in a file of its own; see `law` for the interface."""
+"""Friction laws, each a record with its functions (see `law` for the interface), and the normal force along
+the stroke."""
 
 from ..quantities import registry
 from .law import Branches as Branches

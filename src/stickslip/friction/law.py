@@ -121,17 +121,17 @@ def register(
 
 
 def is_law(candidate: object) -> bool:
-    """Return True if the object is a record registered as a friction law."""
+    """Return True if the object is a record of a type that was registered, also as an element or `smooth`."""
     return type(candidate) in _IMPLEMENTATIONS
 
 
 def is_smooth(law_type: type) -> bool:
-    """Return True if records of this type have no kink at v = 0."""
+    """Return True if this type, which must be registered, was registered as `smooth`: no kink at v = 0."""
     return _IMPLEMENTATIONS[law_type].smooth
 
 
 def has_branches(law: Any) -> bool:
-    """Return True if the law, or each element of a composed law, has `Branches`."""
+    """Return True if the law, or the first element of a composed law, has `Branches`."""
     return _implementation(element(law, 0)).branches is not None
 
 

@@ -1,7 +1,8 @@
 """Citations: BibTeX entries of the sources of parameter sets, friction laws and recordings.
 
 The docstring of a law contains the keys of its sources in square brackets, for example ``[canudas1995]``,
-where they are found without registration. The first paragraph of the law's file is searched too.
+where they are found without registration. The first paragraph of the docstring of the law's module is
+searched too.
 """
 
 from __future__ import annotations
@@ -44,11 +45,12 @@ def citation_keys(thing: Any) -> tuple[str, ...]:
     """Return the citation keys of an object.
 
     Args:
-        thing: an actuator, slider, friction law (record or class) or recording; or a text, the name of a
-            parameter set or a citation key itself.
+        thing: an actuator, slider, friction law (record or class) or recording; or a text: a citation key
+            itself, or the name or ``.toml`` file of a parameter set.
 
     Raises:
-        ParameterSetError: the text is neither a citation key nor the name of a parameter set.
+        ParameterSetError: the text is neither a citation key nor the name of a parameter set, or the file is
+            wrong.
         TypeError: an object of this type has no sources.
     """
     if isinstance(thing, str) and thing in references():

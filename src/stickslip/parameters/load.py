@@ -10,8 +10,9 @@ A file has ``title``, ``citations`` (keys of references.bib), ``kind`` and one t
 
 A value that the source does not print has ``assumed = true`` and a ``reason``. ``[friction]`` names its law,
 ``law = "LuGre"``, or one in a file of the user's own beside it, ``law = "my_law.py:MyLaw"``, and has the
-law's fields as tables below it. ``[reported.*]`` contains further numbers of the source, such as a
-coefficient of determination. Sets of the package are read by name, a user's own by the path of its file.
+law's fields as tables below it. ``[piezo.*]``, ``[further_modes.*]`` and ``[normal_force.*]`` are optional.
+``[reported.*]`` contains further numbers of the source, such as a coefficient of determination. Sets of the
+package are read by name, a user's own by the path of its file.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class ParameterSetError(QuantityError):
 class SetEntry(NamedTuple):
     """One `value` of a parameter set, in `unit`, as written in its table, with its `symbol` and `source`.
 
-    `assumed` is True for a value that no source states; then there is a `reason`. A missing text is "".
+    `assumed` is True if no source states the value; then there is a `reason`. A missing text is "".
     """
 
     value: float | bool | list[float]
@@ -59,7 +60,7 @@ class SetEntry(NamedTuple):
     note: str = ""
 
     def to(self, unit: str) -> float:
-        """Return the value, a single number, in an SI unit. Raises QuantityError for another dimension."""
+        """Return the value, one number, in an SI unit. Raises QuantityError for a wrong or missing unit."""
         return to_si(_with_unit(self.value, self.unit, unit), unit)
 
 
@@ -73,7 +74,7 @@ class PiezoPart(NamedTuple):
 class ParameterSet(NamedTuple):
     """Content of a parameter file.
 
-    `name` is the name or path by which it was loaded. `values` are the entries of the actuator by field,
+    `name` is the name or path by which it was loaded. `values` are the entries of the system by field,
     `friction` those of the law named `law`, and `reported` further numbers of the source. Optional parts are
     `piezo` ("hysteresis", "creep"), `modes` (further modes) and `normal_force`; empty if the file has none.
     """
@@ -363,14 +364,14 @@ def build(
 
 
 def friction_of(parameters: ParameterSet) -> Any:
-    """Return the friction law of a parameter set as a record, SI. Raises ParameterSetError, as `build`."""
+    """Return the friction law of a set as a record, SI; a user's law file is executed. Raises as `build`."""
     law = _run(registry.laws, parameters.law, parameters.file, "[friction] law")
     return build(law, parameters.friction, f"{parameters.file}, [friction]", parameters.rotary)
 
 
 def piezo_parts(parameters: ParameterSet) -> dict[str, Any]:
     """Return the piezo models of a parameter set as records, by field of `Piezo` ("hysteresis", "creep");
-    empty if the set has none. Raises ParameterSetError, as `build`."""
+    empty if the set has none. A user's Python file is executed. Raises ParameterSetError, as `build`."""
     return {
         name: build(
             _run(registry.piezos, part.model, parameters.file, f"[piezo.{name}] model"),

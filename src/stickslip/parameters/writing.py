@@ -1,4 +1,4 @@
-"""Writing of an actuator as a parameter set (TOML), from which `load_actuator` reads the same actuator."""
+"""Writing of an actuator or pulled slider as a parameter set (TOML), from which the same record is loaded."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def parameter_text(
     """Return the TOML text of a parameter set with the values of a record.
 
     The text contains friction law, piezo models, further modes and normal force of the record, but no
-    citations.
+    citations. Fields that are None or infinite are left out.
 
     Args:
         record: an actuator, or another record with a friction law, with numbers in SI.
@@ -86,12 +86,13 @@ def _text(text: str) -> str:
 
 
 def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
-    """Write the text of a parameter set to a new file, read the file as a check, and return its path.
+    """Write the text of a parameter set to a new file, read the file as a check, and return its path. Missing
+    folders are made.
 
     Raises:
         FileExistsError: a file with that name exists.
         OSError: the file cannot be written.
-        ParameterSetError: the written file is not a valid parameter set.
+        ParameterSetError: the written file, which remains, is not a valid parameter set.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

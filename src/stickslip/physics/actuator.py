@@ -1,7 +1,7 @@
-r"""The systems that are simulated, as records: a stick-slip actuator, and a slider pulled through a spring.
+r"""The systems that are simulated, as records that load from parameter sets: actuator, and pulled slider.
 
-Stage at y (its spring is the piezo) and end-effector on it at x_e, both along +x; the other symbols are those
-of the fields of `Actuator` [kang2007, eq. 3.16-3.25]:
+The stage, whose spring is the piezo, is at y, and the end-effector on the stage at x_e, both along +x; the
+other symbols are those of the fields of `Actuator` [kang2007, eq. 3.16-3.25]:
 
 .. math::
     \ddot y + 2\zeta\omega_n\dot y + \omega_n^2 y = C\omega_n^2 u(t) - F_f/m, \qquad
@@ -67,8 +67,8 @@ def _source(system: Any) -> ParameterSet | None:
 
 @property
 def _assumptions(self: Any) -> dict[str, str]:
-    """Return the values that the source does not print, by field ("friction.sigma_0"): a text with the
-    assumed value and the reason. The mapping is empty without a parameter set."""
+    """Return the values that the parameter set assumes or gives without a source, unless changed since, by
+    field ("friction.sigma_0"): a text with value, unit and reason. Empty without a parameter set."""
     parameters = _source(self)
     return assumptions(self, _built(type(self), parameters), parameters) if parameters else {}
 
@@ -257,8 +257,8 @@ class Actuator(NamedTuple):
         """Return the linear model of the stage from voltage [V] to position [m or rad], without contact,
         hysteresis and creep.
 
-        Each mode has two states, position and velocity; a static stage has only a gain. A commanded charge
-        makes the stage stiffer by its `coupling`.
+        Each mode has two states, position and velocity; a static stage has only a gain. If the drive
+        commands the charge, the stage is stiffer by the factor `stiffening`.
         """
         stiffer = math.sqrt(self.stiffening)
         omega_n, zeta_n = stiffer * self.natural_frequency, self.damping_ratio / stiffer

@@ -16,8 +16,8 @@ from ..quantities.units import QuantityError
 
 @record
 class EndStops(NamedTuple):
-    """End stops at the positions `low` and `high` of the body, m, with the same coefficient of
-    `restitution`: speed after an impact over the speed before, 0 to 1."""
+    """End stops at the positions `low` and `high` of the body, m (for a rotary actuator numbers in rad), with
+    the same coefficient of `restitution`: speed after an impact over the speed before, 0 to 1."""
 
     low: Annotated[float, Quantity("m", "x_1", "position of the lower stop")]
     high: Annotated[float, Quantity("m", "x_2", "position of the upper stop")]

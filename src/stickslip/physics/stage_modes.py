@@ -15,8 +15,8 @@ class StageModes(NamedTuple):
     contact.
 
     `gain` [m/V] is the displacement per volt at rest. `mass` [kg] is the effective mass on which the contact
-    force acts; if empty, the force does not act on these modes. For a rotary actuator rad replaces m, kg m^2
-    kg.
+    force acts; if empty, the force does not act on these modes. For a rotary actuator rad replaces m, and kg
+    m^2 replaces kg.
     """
 
     gain: Annotated[tuple[float, ...], Quantity("m/V", "C_m", "stroke per volt at rest")]

@@ -53,7 +53,8 @@ class StateSpace(NamedTuple):
             order: order of the Padé approximation.
 
         Raises:
-            QuantityError: python-control is not installed, or the order is no whole number >= 1.
+            QuantityError: python-control is not installed, or, for a delay above 0, the order is no whole
+                number >= 1.
         """
         control = python_control("StateSpace.to_control")
         made = control.ss(self.a, self.b, self.c, self.d)

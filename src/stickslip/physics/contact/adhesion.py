@@ -77,7 +77,7 @@ class AdhesiveBall(NamedTuple):
 
     def friction(self, shear_strength: float | str) -> float:
         """Return Bowden and Tabor's friction force [N], the contact area times a shear strength [Pa] of the
-        contact. Raises QuantityError unless the shear strength is above 0."""
+        contact. Raises QuantityError unless the shear strength is finite and above 0."""
         return _positive(shear_strength, "shear_strength") * math.pi * self.contact_radius**2
 
 
@@ -85,12 +85,12 @@ def plastic_coefficient(shear_strength: float | str, hardness: float | str) -> f
     """Return the friction coefficient μ = τ/H of plastic contacts [bowden1950].
 
     Args:
-        shear_strength: shear strength of the contact, Pa; at most that of the softer body, a sixth of its
-            hardness, unless the junctions grow.
+        shear_strength: shear strength of the contact, Pa. Unless the junctions grow, real contacts have at
+            most the shear strength of the softer body, a sixth of its hardness; this is not checked.
         hardness: hardness of the softer body, Pa.
 
     Raises:
-        QuantityError: a value is not positive.
+        QuantityError: a value is not positive and finite.
     """
     return _positive(shear_strength, "shear_strength") / _positive(hardness, "hardness")
 

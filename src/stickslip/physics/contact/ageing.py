@@ -3,9 +3,9 @@ r"""Ageing of a contact at rest, and how humidity changes it [dieterich1972; bau
 .. math:: \frac{F_S(t)}{F_C} = 1 + \beta \ln \left( 1 + \frac{t}{t_0} \right)
 
 with the time at rest t, β of some hundredths (about 0.02 to 0.1 per decade for rock, paper, polymers and
-metals) and t_0 of about a second. It has no limit, so a time beyond those measured is a guess. A push during
-the rest speeds it up or slows it down without a larger area [dillavou2020]. In ultrahigh vacuum, or with
-clean metals, cold welding occurs instead.
+metals) and t_0 of about a second. The formula has no limit: beyond the measured times the ratio is a guess. A
+push during the rest speeds the ageing up or slows it down without a larger area [dillavou2020]. In ultrahigh
+vacuum, or with clean metals, cold welding occurs instead.
 
 In single nanometre contacts of silica and other oxides, water forms the bonds that age: without water
 (far below 1 % relative humidity) there is no ageing, at 10 to 40 % it is strong, above 40 % it subsides
@@ -53,7 +53,8 @@ def oxide_ageing(relative_humidity: float | str) -> str:
         relative_humidity: 0 to 1, or "35 %".
 
     Returns:
-        "none", "strong", "subsiding", or "between" for a humidity without measurements.
+        "none" below 1 %, "strong" from 10 to 40 %, "subsiding" above, or "between" for 1 to 10 %, where there
+        are no measurements.
 
     Raises:
         QuantityError: the humidity is out of range.

@@ -108,7 +108,7 @@ class GreenwoodWilliamson(NamedTuple):
             contact_modulus: contact modulus E* of both bodies, Pa.
 
         Raises:
-            QuantityError: a value is out of range.
+            QuantityError: a value is out of range, or no surface has these height, slope and curvature.
         """
         area = to_si(nominal_area, "m^2", "nominal_area")
         m0, m2, m4 = roughness.height**2, 0.5 * roughness.slope**2, 0.375 * roughness.curvature**2
@@ -172,11 +172,12 @@ class GreenwoodWilliamson(NamedTuple):
 
     @property
     def stiffness_scatter(self) -> float:
-        """Return the relative standard deviation of the stiffness from place to place on the surfaces."""
+        """Return the relative standard deviation of the stiffness from place to place on the surfaces, by the
+        formula for exponential heights, also if the heights are Gaussian."""
         return math.sqrt(4.0 / (math.pi * self.contacts))
 
     @property
     def area_scatter(self) -> float:
-        """Return the relative standard deviation of the real area from place to place; also that of a
-        friction force in proportion to the area."""
+        """Return the relative standard deviation of the real area from place to place, also that of a
+        friction force in proportion to the area; by the formula for exponential heights in any case."""
         return math.sqrt((32.0 / (3.0 * math.pi) - 3.0) / self.contacts)

@@ -1,8 +1,9 @@
 """Materials and friction pairs by name, each number with its source or marked as assumed.
 
-A material's file has ``title``, ``citations``, ``kind = "material"`` and the tables of `Material`; a pair's
-``kind = "friction pair"``, ``first`` and ``second`` (names of materials, or paths beside the file) and the
-tables friction_coefficient and friction_factor (see `stickslip.parameters.load`).
+A TOML file has ``title`` and ``citations``. A material's has ``kind = "material"`` and the tables of
+`Material`. A pair's has ``kind = "friction pair"``, ``first`` and ``second`` (names of materials, or paths
+relative to this file, ending in ``.toml``), and the tables friction_coefficient and friction_factor (see
+`stickslip.parameters.load`).
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ class Sliding(NamedTuple):
 class FrictionPair:
     """Two materials that slide on each other, with the sources of their numbers.
 
-    `bodies` are both materials, `friction` their friction coefficient, and `citations` keys of the
-    bibliography. `assumptions` are the numbers that no source prints, by field ("first.hardness"): a text
-    with value and reason.
+    `name` is the name or path that was loaded, `bodies` are both materials, `friction` their friction
+    coefficient, and `citations` keys of the bibliography for pair and materials. `assumptions` are the
+    numbers that no source prints, by field ("first.hardness"): a text with value and reason.
     """
 
     name: str

@@ -113,15 +113,17 @@ def compare_contacts(
         fits: fit of each contact, by name; all with the same law.
         conditions: differences between the contacts, one value per fit, in order: numbers or quantities above
             0 (``"normal_force": ["1 N", "2 N", "4 N"]``), or names (``"surface": ["lapped", "ground",
-            "ground"]``), of which the first is the reference.
+            "ground"]``), of which the first is the reference. Conditions with equal values are ignored.
         parameters: names of the parameters to compare; by default, all positive ones that every fit has.
+            Fits without a standard error of a parameter are left out for this parameter.
 
     Returns:
         The comparison; its `report` is a text.
 
     Raises:
-        QuantityError: fewer than two fits, numbers that do not match, conditions that vary together so that
-            their effects cannot be separated, or a parameter that a fit does not have.
+        QuantityError: fewer than two fits, a condition with wrong values or another count, conditions that do
+            not differ, or vary together so that their effects cannot be separated, a parameter that a fit
+            does not have, or no parameter that can be compared.
     """
     import xarray as xr
 
@@ -228,10 +230,10 @@ def _effects(conditions: Mapping[str, Condition], count: int) -> list[_Effect]:
 
 
 def _numbers(name: str, given: Sequence[float | str]) -> Array | None:
-    """Return the values of a condition in base units; None if they are names.
+    """Return the values of a condition in base units; None for names: all are texts, one of them no quantity.
 
     Raises:
-        QuantityError: numbers and names are mixed, units differ, or a number is not above 0.
+        QuantityError: Python numbers and names are mixed, units differ, or a number is not above 0.
     """
     try:
         quantities = [with_unit(str(one)).to_base_units() for one in given]

@@ -27,8 +27,8 @@ Radius = Annotated[float, Quantity("m", "R", "radius, 1/R = 1/R_1 + 1/R_2", abov
 class Hertz(NamedTuple):
     """A ball on a flat, smooth, without adhesion [johnson1985].
 
-    Fields: `normal_force` P [N], `contact_modulus` E* of both bodies [Pa], and `radius` R of the ball [m];
-    for two balls, 1/R is the sum of the reciprocals of both radii.
+    Fields: `normal_force` P [N], `radius` R of the ball [m] (for two balls, 1/R is the sum of the reciprocals
+    of both radii), and `contact_modulus` E* of both bodies [Pa].
     """
 
     normal_force: Load

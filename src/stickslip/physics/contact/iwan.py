@@ -30,12 +30,12 @@ from .partial_slip import ExponentialContact
 
 Array = NDArray[np.float64]
 
-# Share of the slip force that is left out when a rough contact is approximated by elements, because the force
-# of such a contact approaches the slip force without reaching it.
+# Remaining share of the slip force at the displacement at which the last element of a rough contact slides:
+# the force of such a contact approaches the slip force without reaching it.
 LEFT_OUT = 1e-2
 # Smallest stiffness of an element, relative to that of all elements; smaller ones are left out.
 NOTHING = 1e-9
-# Smallest number of samples after the first reversal that a fit of loops needs.
+# Smallest number of samples that a fit of loops needs, of those after the first reversal that are used.
 FEWEST = 10
 # Smallest motion back, relative to the range of the position, that counts as a reversal and not as noise.
 TURN = 0.02
@@ -46,8 +46,9 @@ class LoopElements(NamedTuple):
 
     Attributes:
         law: the Maxwell slip law with the fitted elements.
-        rmse: root mean square deviation of the loop's force from the law's force on all branches, N.
-        r_squared: coefficient of determination of the fit to the branches.
+        rmse: root mean square deviation of the loop's force from the law's force, each counted from the last
+            reversal, over the used samples of all branches, N.
+        r_squared: coefficient of determination of the fit to these samples.
     """
 
     law: MaxwellSlip
@@ -61,7 +62,7 @@ def maxwell_slip(contact: Mindlin | ExponentialContact, elements: int = 8) -> Ma
     Args:
         contact: a ball, or a rough contact, at the normal force at which the law's forces hold.
         elements: number of elements; the error of the force is at most 0.5/elements² of the slip force, and
-            for a rough contact 1 % more in complete sliding.
+            for a rough contact up to 1 % more.
 
     Raises:
         QuantityError: no elements, or too many.

@@ -100,7 +100,7 @@ class Mindlin(NamedTuple):
 
     def loss(self, amplitude: float | str) -> float:
         """Return the energy lost per cycle between the tangential forces ± `amplitude` [N], in J: the area of
-        the loop."""
+        the loop. Raises QuantityError for an amplitude above the slip force."""
         q = float(np.abs(self._share(to_si(amplitude, "N", "amplitude"))))
         # The area of the loop is proportional to 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)) with the ratio
         # q of the tangential force to the force of full sliding. The factor q^3 of this expression is taken

@@ -113,7 +113,8 @@ class ContactPrior:
 
     def law(self, sigma_1: float | str = 0.0) -> LuGre:
         """Return the LuGre law with the expected stiffness and Coulomb force and a given damping [N s/m], as
-        initial values for fits. Stiction equals the Coulomb force, and viscous friction is 0."""
+        initial values for fits. Stiction equals the Coulomb force, viscous friction is 0, and the Stribeck
+        velocity is 1 mm/s."""
         force = self.known["coulomb_force"].value
         return LuGre(
             sigma_0=self.known["sigma_0"].value,
@@ -200,7 +201,8 @@ def rough_prior(
         theory: factor within which 68 % of real stiffnesses lie on either side of the theory.
 
     Raises:
-        QuantityError: a value is out of range, or fewer than one summit is expected to touch.
+        QuantityError: a value is out of range, the roughness is no `Roughness`, or fewer than one summit is
+            expected to touch.
     """
     force = to_si(normal_force, "N", "normal_force")
     area = to_si(nominal_area, "m^2", "nominal_area")

@@ -4,8 +4,9 @@ r"""Roughness with its lateral scale: from a spectrum, or from a measured topogr
           h''^2_{rms} = 2\pi \int q^5 C(q)\, dq
 
 with the isotropic spectrum C(q) [m⁴] over the wavevector q [rad/m], whose integral over the plane is the
-variance of the heights [jacobs2017]. A self-affine one is constant from q_l to q_r (the plateau) and falls as
-q^(-2-2H) to q_s.
+variance of the heights [jacobs2017]. A self-affine spectrum is constant from q_l to q_r (the plateau) and
+falls as q^(-2-2H) to q_s, with the Hurst exponent H and the wavevectors of the longest, roll-off and shortest
+wavelength.
 
 A single number such as Ra is not sufficient: 2,088 measurements in a challenge showed that it is useless
 without a lateral scale [pradhan2025]; neither slope nor the longest wavelength follow from it.
@@ -118,7 +119,8 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
 
     Tilt and bow are subtracted (a plane and parabola by least squares). Slopes and curvatures are
     differences between neighbours: they belong to the finest measured scale, of the surface or the
-    instrument.
+    instrument. A line scan is taken for one of an isotropic surface. The longest wavelength is the length of
+    the line or of the map's shorter side, the shortest is twice the (larger) spacing.
 
     Args:
         heights: heights in m, [n] for a line scan, or [n, m] for a map.
@@ -126,7 +128,8 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
             two.
 
     Raises:
-        QuantityError: there is no lateral scale, heights are missing, too few, or all equal.
+        QuantityError: heights are one number, missing, too few, or without roughness (all equal, a plane); or
+            a spacing is missing or not above 0.
     """
     steps = _spacing(spacing)
     if np.ndim(heights) == 0:
@@ -169,7 +172,7 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
         channel: index of the height channel in the file, from 0.
 
     Raises:
-        QuantityError: the file cannot be read, has no such channel, no unit or no lateral scale.
+        QuantityError: the file cannot be read or has no such channel, or an error of `of_topography`.
         ModuleNotFoundError: SurfaceTopography is missing (extra ``stickslip[topography]``).
     """
     try:
@@ -198,7 +201,8 @@ def of_topography(scan: Any, name: str = "topography") -> Roughness:
     """Return the roughness of a line scan or map of the package SurfaceTopography; `name` is for messages.
 
     Raises:
-        QuantityError: it has no unit, no lateral scale, or points that were not measured.
+        QuantityError: the scan has no unit, points that were not measured, or uneven steps; or an error of
+            `measured`.
     """
     if not scan.unit:
         raise QuantityError(f"{name} has no unit of length, so no lateral scale")

@@ -77,7 +77,7 @@ def sliding_path(sliding_displacement: ArrayLike) -> float:
         sliding_displacement: relative displacement of the contact from a simulation or recording, m, [n].
 
     Raises:
-        QuantityError: a sample is not finite.
+        QuantityError: a sample is not finite, or the array has another shape.
     """
     x = array_si(sliding_displacement, "m", "sliding_displacement")
     if x.ndim != 1 or not np.all(np.isfinite(x)):

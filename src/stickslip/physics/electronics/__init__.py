@@ -1,7 +1,9 @@
 """Signal chain between a computer and an actuator: converters, amplifier, piezo stack, sensors, filters.
 
-Each part is a record of datasheet numbers and a function on arrays, usable alone; `stickslip.rig` combines
-them. Noise comes from the given ``numpy.random.Generator``: the same seed gives the same noise.
+Each part is a record of datasheet numbers with a function or method on arrays, usable alone; `stickslip.rig`
+combines them. `load_part` and similar functions load parts by name, `driven` and `driven_period` return the
+voltage of a waveform at the piezo, and `electrical` the current, losses and temperature of a stack. Noise
+comes from the given ``numpy.random.Generator``: the same seed gives the same noise.
 """
 
 from .account import electrical as electrical

@@ -1,13 +1,14 @@
 r"""Electrical quantities of a piezo stack during a run: current, charge, power and temperature.
 
-Between two points the voltage is linear, so the current is constant, and every sum is exact. If capacitance
-and loss grow with the temperature, by c = 1 + α (ϑ - ϑ_0), then between two points
+Between two points the voltage is linear, so the current is constant, and every sum is exact. Capacitance and
+loss may grow with the temperature ϑ, by the factor c = 1 + α (ϑ - ϑ_0). Between two points the loss P at the
+reference temperature ϑ_0 is constant, and the heat balance
 
 .. math:: C_\vartheta \dot\vartheta = c(\vartheta)\, P - \frac{\vartheta - \vartheta_a}{R_\vartheta}
 
-with a constant loss P (at the temperature ϑ_0) still has an exponential solution, with the rate 1/(R_ϑ C_ϑ) -
-α P / C_ϑ; if that is negative, the temperature runs away. C_ϑ is the heat capacity, R_ϑ the thermal
-resistance to the surroundings, and ϑ_a their temperature.
+has an exponential solution, with the rate 1/(R_ϑ C_ϑ) - α P / C_ϑ; if the rate is negative, the temperature
+runs away. C_ϑ is the heat capacity, R_ϑ the thermal resistance to the surroundings, and ϑ_a their
+temperature.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def electrical(
         source: voltage at the piezo: a waveform in V without jumps (`driven` returns one); or a recording
             or trajectory with "time" and "drive_voltage".
         stack: the stack.
-        duration: s; by default the duration of the waveform.
+        duration: s; by default the duration of the waveform. Ignored for a recording.
         times: s, ascending, within the run: times of the result; by default the points of
             the computation.
         ambient: temperature of the surroundings, and initially of the stack, K.
@@ -83,14 +84,15 @@ def electrical(
         Dataset over "time": the given times, or those of the lines or samples, with more where the stack's
         temperature curves: `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current`
         [A], `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from that point
-        to the next; with a `dependence` also `gain_factor` at each point, which multiplies the actuator's
-        gain. For the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, the final
-        temperature if the run continued: infinite if the loss grows faster than the heat leaves.
+        to the next point of the computation; with a `dependence` also `gain_factor` at each point, which
+        multiplies the actuator's gain. For the whole run: `peak_current`, `rms_current`, `mean_loss`, and
+        `steady_temperature`, the final temperature if the run continued: infinite if the loss grows faster
+        than the heat leaves.
 
     Raises:
         QuantityError: a waveform without a duration, in m or with a jump, which takes an infinite current; a
-            recording without drive_voltage, without two samples or with gaps; a number out of range; a
-            temperature outside the range of the dependence.
+            recording without drive_voltage, without two samples or with gaps; a trajectory with the charge
+            of a `MaxwellCapacitor`; a number out of range; a temperature outside the range of the dependence.
     """
     import xarray as xr
 

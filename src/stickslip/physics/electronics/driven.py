@@ -2,8 +2,8 @@
 
 The target is approximated by straight lines, and the response of the amplifier to these has a closed form
 (see `charging`); each has half of the tolerance. A lag and a slope limit do not enlarge errors, so the
-tolerance is a bound. With current foldback (see `amplifier`), the switching time depends on the target: lines
-are then eight times as fine, and the tolerance is an estimate.
+tolerance is a bound. With current foldback (see `amplifier`), the switching time depends on the target: both
+are then computed with an eighth of the tolerance, which is an estimate.
 
 Under a periodic drive the response becomes periodic. The last computed period is repeated once the remaining
 drift of all later periods together is a small part of the tolerance.
@@ -32,8 +32,8 @@ Array = NDArray[np.float64]
 _SAME_VOLTS, _SAME_SQUARE = 0.02, 1e-4
 # Largest number of periods that `driven_period` computes until the response repeats.
 _MOST_PERIODS = 100_000
-# Divisor of the tolerance of the lines if the amplifier has a current foldback, whose switching time depends
-# on the lines (docs/decisions/electronics.md).
+# Divisor of the tolerance of lines and response if the amplifier has a current foldback, whose switching time
+# depends on the lines (docs/decisions/electronics.md).
 _FINER = 8.0
 
 
@@ -59,7 +59,8 @@ def driven(
     Returns:
         A waveform for 0 <= t <= duration: a `Sampled` with linear interpolation. If the response to a
         periodic waveform repeats before the end, it is a `Sequence` of the `Sampled` until then and of one
-        period. An amplifier without lag and limits returns the waveform itself.
+        period. If the amplifier has no lag and no limit of slope or current, and the waveform stays within
+        its output range, the waveform itself is returned.
 
     Raises:
         QuantityError: a number is out of range, the waveform is not in V, or the output would jump because

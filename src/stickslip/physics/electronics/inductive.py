@@ -21,9 +21,10 @@ from .strain_gauge import Bandwidth, Drift, NoiseDensity
 class InductiveSensor(NamedTuple):
     """Inductive sensor from position to voltage: a nonlinear curve, bandwidth, delay, noise, drift.
 
-    The curve is a cubic spline through `voltages` [V] at `gaps` [m] between sensor and target; beyond the
-    first and last gap it is constant. `standoff` [m] is the gap at position 0; the gap grows with the
-    position.
+    The curve is a cubic spline through `voltages` [V] at `gaps` [m] between sensor and target, both
+    ascending; beyond the first and last gap the curve is constant. `standoff` [m] is the gap at position 0;
+    the gap grows with the position. The output, noise included, is limited to the range from 0 V (or the
+    lowest voltage of the curve, if negative) to the highest voltage of the curve.
     """
 
     gaps: Annotated[tuple[float, ...], Quantity("m", "y", "gaps of the curve", minimum=0)]

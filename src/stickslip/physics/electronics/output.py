@@ -31,9 +31,9 @@ class OutputStage(NamedTuple):
 
     The values of a drive are multiples of `step` [V] at the piezo (0: any value), each held until the next
     update or interpolated linearly; `points` is their largest number in a period. With an infinite
-    `update_rate` there is no converter. A drive keeps within `slew_rate` [V/s] and `current` [A], which
-    requires the `capacitance` [F] (`Stack.load`). With an `amplifier`, the drive at the piezo is the
-    amplifier's output.
+    `update_rate` there is no converter. Drives are limited to `slew_rate` [V/s] and `current` [A]. A finite
+    current or an `amplifier` requires the `capacitance` [F] (`Stack.load`). With an `amplifier`, the drive
+    at the piezo is the amplifier's output.
     """
 
     update_rate: Annotated[float, Quantity("Hz", "f_DA", "updates per second", above=0, maximum=_INF)] = _INF
@@ -68,8 +68,8 @@ class OutputStage(NamedTuple):
 
     @classmethod
     def of_amplifier(cls, amplifier: Amplifier, capacitance: float | str) -> OutputStage:
-        """Return an output stage with the limits of an amplifier into a capacitance [F]; its current limit is
-        the steady (rms) one."""
+        """Return an output stage without a converter, with an amplifier into a capacitance [F] and with the
+        amplifier's limits; the current limit is the steady (rms) one."""
         current = min(amplifier.max_current, amplifier.rms_current)
         farad = to_si(capacitance, "F", "capacitance")
         return cls(slew_rate=amplifier.slew_rate, current=current, capacitance=farad, amplifier=amplifier)
@@ -110,7 +110,8 @@ class OutputStage(NamedTuple):
         return np.maximum(np.rint(np.asarray(period) * self.update_rate), 1.0) / self.update_rate
 
     def played(self, waveform: Waveform, low: float, high: float) -> Sampled:
-        """Return one period of a waveform as the converter outputs it, repeated without end.
+        """Return one period of a periodic waveform as the converter, which must exist, outputs it, repeated
+        without end.
 
         The period is rounded to a whole number of updates, and the voltages to steps within `low` to `high`
         [V].
@@ -128,8 +129,8 @@ class OutputStage(NamedTuple):
 
     def at_piezo(self, waveform: Waveform) -> Waveform:
         """Return the voltage at the piezo for an endless periodic waveform, in the periodic state: the
-        response of the amplifier or, without one, of the slope limit. Raises QuantityError as
-        `driven_period`."""
+        response of the amplifier or, without one, of the slope limit; without both, the waveform. Raises
+        QuantityError as `driven_period`."""
         if self.amplifier is not None and self.capacitance is not None:
             return driven_period(self.amplifier, waveform, self.capacitance)
         if not math.isfinite(self.slope):
@@ -142,7 +143,7 @@ class OutputStage(NamedTuple):
         periodic waveform.
 
         Raises:
-            QuantityError: a period has too few or too many updates.
+            QuantityError: a period has too few or too many updates; or as `driven_period`.
         """
         if not self.updates:
             return self.at_piezo(waveform)

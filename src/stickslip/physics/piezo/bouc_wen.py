@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 class BoucWen(NamedTuple):
     """Bouc-Wen hysteresis of order 1 with three parameters; see the module.
 
-    `alpha` is without unit, `beta` and `gamma` are in 1/V. Parameters for which the stroke would not always
-    increase with the voltage raise QuantityError.
+    `alpha` is without unit, `beta` and `gamma` are in 1/V. QuantityError is raised if `gamma` is not between
+    -`beta` and `beta`, or if the stroke would not always increase with the voltage.
     """
 
     alpha: Annotated[float, Quantity("", "α", "share of a change of the drive that h takes up", minimum=0)]
@@ -57,8 +57,8 @@ class BoucWen(NamedTuple):
 
     @property
     def least_slope(self) -> float:
-        """Return the smallest slope dH/du, that just after a reversal at a large stroke; the model has an
-        inverse if it is above 0."""
+        """Return the smallest slope dH/du, which occurs just after a reversal at a large stroke; the model
+        has an inverse if this slope is above 0."""
         return 1.0 - self.alpha * max(1.0, 2.0 * self.beta / (self.beta + self.gamma))
 
     def at_rest(self, drive: float) -> float:

@@ -40,7 +40,8 @@ Array = NDArray[np.float64]
 class MaxwellCapacitor(NamedTuple):
     """Maxwell slip model with charge: a two-port that reacts to the load; see the module.
 
-    `capacitance` is C_0 [F]; `stiffnesses` k_i [V/C] and `breakaways` v_i [V] are those of the elements.
+    `capacitance` is C_0 [F]; `stiffnesses` k_i [V/C] and `breakaways` v_i [V] are those of the elements, in
+    the order of ascending v_i/k_i.
 
     With `charge_drive` the drive commands the charge instead of the voltage, as this charge over the
     capacitance of the free piezo [V]; so the static stroke is the gain multiplied by the command. If the
@@ -101,14 +102,14 @@ class MaxwellCapacitor(NamedTuple):
         """Return the two-port whose unloaded stage follows a slow voltage like the plays.
 
         Args:
-            plays: plays without dead zones, one of which has the threshold 0; their weights sum to 1, so that
-                the gain is that of large strokes.
+            plays: two or more plays without dead zones, the first with the threshold 0; their weights sum to
+                1, so that the gain is that of large strokes.
             capacitance: capacitance C_0 of the blocked piezo, F.
             gain: gain of the actuator, m/V.
             stiffness: stiffness of piezo and stage together, N/m.
 
         Raises:
-            QuantityError: the plays are not of this form, or the gain or stiffness is not above 0.
+            QuantityError: the plays are not of this form, or another argument is not above 0.
         """
         of_kind(plays, PrandtlIshlinskii, "plays")
         farad, gain = to_si(capacitance, "F", "capacitance"), to_si(gain, "m/V", "gain")

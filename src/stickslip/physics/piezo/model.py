@@ -15,8 +15,8 @@ from .maxwell_capacitor import MaxwellCapacitor
 class Piezo(NamedTuple):
     """Model of a piezo: hysteresis of the drive, then creep.
 
-    `hysteresis` is a `PrandtlIshlinskii`, `BoucWen`, `MaxwellCapacitor` or a user's model, `creep` a `Creep`;
-    None leaves it out. The static stroke is the actuator's gain multiplied by the result.
+    `hysteresis` is a `PrandtlIshlinskii`, `BoucWen`, `MaxwellCapacitor` (without creep) or a user's model,
+    `creep` a `Creep`; None leaves it out. The static stroke is the actuator's gain multiplied by the result.
     """
 
     hysteresis: Any = None
@@ -40,7 +40,8 @@ class Piezo(NamedTuple):
 
     def resting_at(self, wanted: float) -> float:
         """Return the voltage [V], reached from 0 V without a reversal, at which the output of hysteresis and
-        creep is `wanted` [V] after a long rest, when creep has ended."""
+        creep is `wanted` [V] after a long rest, when creep has ended. The hysteresis must have a method
+        `inverse`, unlike a `MaxwellCapacitor`."""
         share = 1.0 + (sum(self.creep.shares) if self.creep is not None else 0.0)
         level = wanted / share
         return level if self.hysteresis is None else float(self.hysteresis.inverse([level])[0])

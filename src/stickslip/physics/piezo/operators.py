@@ -9,8 +9,9 @@ kuhnen2003]; v is the drive u, or the drive with skews d_j,
 
 .. math:: v = u + \sum_j d_j \bigl(\max(u - s_j, 0) - \max(-s_j, 0)\bigr),
 
-so that loops differ in width between low and high voltage. Both sums increase with u, so H has an inverse for
-any history: between the points at which a play starts to move, or a dead zone ends, it is linear.
+so that loops differ in width between low and high voltage. If H increases with u (see `PrandtlIshlinskii`), H
+has an inverse for any history: between the points at which a play starts to move, or a dead zone ends, it is
+linear.
 """
 
 from __future__ import annotations

@@ -37,8 +37,9 @@ class PrandtlIshlinskii(NamedTuple):
     the module.
 
     `thresholds` r_i [V] and `weights` w_i are those of the plays; `dead_zones` s_j [V], `slopes` c_j and
-    `skews` d_j those of the dead zones. Weights and slopes are shares of the actuator's gain. The play with
-    threshold 0 follows the drive without hysteresis and is needed for a smooth inverse.
+    `skews` d_j those of the dead zones; thresholds and dead zones ascend. Weights and slopes are shares of
+    the actuator's gain. The play with threshold 0, which follows the drive without hysteresis, needs a weight
+    above 0, so that an inverse exists. A wrong value raises QuantityError.
     """
 
     thresholds: Annotated[tuple[float, ...], Quantity("V", "r_i", "half-width of each play", minimum=0)]
