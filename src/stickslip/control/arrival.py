@@ -6,9 +6,9 @@ C\,(u_{k-1} - u_0)`, because the loop also follows noise. Over the last B = 8 ba
 
 .. math:: |\bar e| + \sqrt{t^2\,\frac{s_B^2}{B} + z^2\,(s_p^2 + \max(c_1, 0))} \le \varepsilon
 
-is required, with the tolerance :math:`\varepsilon`. Here u is the voltage, with the value u_0 when the target
-was set, and C the gain of the piezo. s_e and s_p are the standard deviations of e and p; t = 2.36 is the 97.5
-% quantile of Student's distribution, and z = 2.
+is required, with the tolerance :math:`\varepsilon`. Here u is the voltage, with the value u_0 at the first
+reading of the hold, and C the gain of the piezo. s_e and s_p are the standard deviations of e and p; t = 2.36
+is the 97.5 % quantile of Student's distribution, and z = 2.
 
 The first term below the root is the uncertainty of the mean, from batch means of e - p (standard deviation
 s_B), so that correlated noise is included [law2015, ch. 9]. The second term is the motion of the position: by
@@ -16,7 +16,7 @@ s_p, and by the common part of successive readings, :math:`c_1 = s_e^2 - \overli
 That part is vibration or slow noise, which one sensor cannot distinguish.
 
 Drift of the sensor that is slower than all batches remains unseen. The engine's ``c/arrival.h`` evaluates the
-condition at the end of each batch.
+condition at the end of each batch, from the eighth batch on.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ from ..quantities.units import with_prefix
 
 class Arrival:
     """Numbers of the statistical test whether a position is at its target, which a mover in C computes.
+
+    After another move starts, they keep their last values until 8 new batches are complete.
 
     Args:
         plan: C struct `mover_plan`, parameters of the move.

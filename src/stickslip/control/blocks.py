@@ -1,7 +1,7 @@
 r"""Discrete blocks of a regulator: PID with anti-windup, notch, low-pass.
 
-With the sample time T = 1/f_s, the target r_k, and the position error e_k, which notches and low-pass filter
-to v_k, the output voltage is u_k [astrom2006]:
+With the sample time T = 1/f_s, the change r_k of the target since the start, and the position error e_k,
+which notches and low-pass filter to v_k, the output voltage is u_k [astrom2006]:
 
 .. math:: i_k = i_{k-1} + K_i T v_k, \qquad
           d_k = a\,d_{k-1} + (1 - a)\,\frac{v_k - v_{k-1}}{T}, \quad a = e^{-2\pi f_d T}, \qquad
@@ -164,14 +164,15 @@ class Regulator:
         pid: gains.
         rate: update rate, Hz.
         notches, low_pass: filters of the error.
-        feedforward: voltage per change of the target, V/m, or the inverse of a piezo.
+        feedforward: voltage per change of the target, V/m, or the inverse of a piezo at the same rate, which
+            `step` advances.
         lead: time by which the feedforward precedes a moving target, s: the actuator's lag. Do not use it for
             a target that jumps.
         min_voltage, max_voltage: limits of the output, V.
 
     Raises:
-        QuantityError: a number is out of range, a filter's frequency is above half the rate, or an argument
-            has the wrong type.
+        QuantityError: a number is out of range, a filter's frequency is not below half the rate, or an
+            argument has the wrong type.
     """
 
     def __init__(
@@ -209,7 +210,7 @@ class Regulator:
 
     def begin(self, voltage: float, target: float) -> None:
         """Start from rest at a voltage [V] and a wanted position [m, or rad]: filters and derivative start at
-        0, and the output continues from this voltage without a jump."""
+        0. The output continues from this voltage, without a jump if the first reading is that position."""
         for section in self.sections:
             section.reset()
         self._integral, self._from, self._target = voltage, target, target
@@ -221,8 +222,9 @@ class Regulator:
             self._integral -= self.inverse.volts
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured and a wanted position [m], and advance the state by one
-        update: call this once per update. The number of the tick is not used."""
+        """Return the voltage [V], within the limits, for a measured and a wanted position [m], and advance
+        the state by one update: call this once per update. The number of the tick is not used. Raises
+        QuantityError as `PiezoInverse.step`."""
         del tick
         value = target - measured
         for section in self.sections:

@@ -28,7 +28,8 @@ _FARTHEST = {"m": 1.0, "rad": 1e3}
 @registry.controllers.add
 class Commanded:
     """Controller that executes commands (see `command`). Its attribute `target` is the present wanted
-    position of the end-effector, in `unit`; `done` is True after "release".
+    position of the end-effector, in `unit` (the measured one before the first command); `done` becomes True
+    when the ramp of "release" has ended.
 
     Args:
         rate: update rate, Hz.
@@ -84,12 +85,14 @@ class Commanded:
     def command(self, do: str, **what: Any) -> None:
         """Execute a command from the next tick on. Positions and ranges are in the unit of the controller.
 
-        - "go": move to the position `to`, measured from home.
-        - "steps": make `count` steps, backward if negative.
+        - "go": move to the position `to`, measured from home; steps that were commanded end first.
+        - "steps": make `count` steps, backward if negative, and hold the position reached.
         - "scan": scan the `range` about the held position, `cycles` times, at a `frequency` [Hz]. If the
           piezo has too little room, a step or two come first.
-        - "jog": make steps in the direction `way`, 1 or -1, while "jog" is repeated within `HEARTBEAT`.
-        - "halt": end steps after the present one, and hold the position.
+        - "jog": make steps in the direction `way`, 1 or -1, while "jog" is repeated within `HEARTBEAT`. Send
+          "halt" before another command.
+        - "halt": end the steps of "steps" or "jog" after the present one, and hold the position; "go" and
+          "scan" continue.
         - "release": ramp the output to 0 V, and end the loop.
 
         Raises:
@@ -152,8 +155,8 @@ class Commanded:
         self._scan = self.mover.goal, 0.5 * span, hertz, round(cycles * self.mover.regulator.rate / hertz)
 
     def step(self, measured: float, target: float, tick: int) -> float:
-        """Return the voltage [V] for a measured position, in the unit of the controller, at a tick. `target`,
-        that of the run, is not used. Raise MoveError as `Mover.step`."""
+        """Return the voltage [V], rounded to the converter's steps, for a measured position, in the unit of
+        the controller, at a tick. `target`, that of the run, is not used. Raise MoveError as `Mover.step`."""
         del target
         if self._letting >= 0:
             self._letting += 1
@@ -199,8 +202,8 @@ class Commanded:
 
         Keys: "phase": "follow" during a scan, "release", or as `Mover.phase`. "words": a sentence for the
         phase and the remark. "remark": see `Mover`. "settled": True while holding a reached target.
-        "steps", "lost": numbers of steps made and lost. "forward", "backward": sizes of full steps. "room":
-        how far the piezo can move down and up, None unless it holds.
+        "steps", "lost": numbers of steps made and lost. "forward", "backward": learned sizes of full steps.
+        "room": list of how far the piezo can move down and up, None unless it holds.
         """
         mover = self.mover
         follows = self._scanned > 0 and self._scan is not None

@@ -61,7 +61,8 @@ class StepModel(NamedTuple):
     Fields: sizes of steps `forward` and `backward`, m; `per_load`, change of a step with the load, m/N;
     `scatter` of single steps, m; `load`, N; `reversal`, displacement lost at a change of direction, m, with
     `reversal_error`. `size_error` [m] and `load_error` [N] are initial values. `size_drift` [m], `load_drift`
-    [N] and `common_drift` (relative to the sizes) grow with the square root of the number of steps.
+    [N] and `common_drift` (relative to the sizes) are the random changes in one step, which add up in
+    proportion to the square root of the number of steps.
     """
 
     forward: Annotated[float, Quantity("m", "s₊", "step forward", above=0)]
@@ -99,7 +100,8 @@ class StepModel(NamedTuple):
 
         Raises:
             NotPeriodicError, SimulationError: the model's motion is not periodic, or cannot be simulated.
-            QuantityError: a number is out of range, or the step is not linear in a small force.
+            QuantityError: a number is out of range, a sawtooth makes no step in its direction, or the step is
+                not linear in a small force.
         """
         volts, hertz = to_si(amplitude, "V", "amplitude"), to_si(frequency, "Hz", "frequency")
         stage = output_of(output)
@@ -212,7 +214,8 @@ class Estimator:
     def stepped(
         self, direction: int, count: int = 1, *, scale: float = 1.0, scatter: float | None = None
     ) -> None:
-        """Predict the position, and the uncertainty of all states, after `count` steps.
+        """Predict the position, and the uncertainty of all states, after `count` steps. The first steps of
+        all count as after a change of direction.
 
         Args:
             direction: direction of all steps, 1 (towards +x) or -1.

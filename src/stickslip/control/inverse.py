@@ -26,7 +26,7 @@ class PiezoInverse:
     """Inverse of a piezo with hysteresis and creep: voltages for positions, starting from rest at a voltage.
 
     Args:
-        model: an actuator with a `piezo`, whose hysteresis, creep and gain are used.
+        model: an actuator with a `piezo`, whose hysteresis, creep (if any) and gain are used.
         rate: update rate, Hz.
         voltage: voltage, V, at which the piezo has rested for long, after a monotonic change from 0 V.
 

@@ -7,10 +7,10 @@ scan:
 .. math:: w_{j+1} = Q\,(w_j + \lambda\,q^{m} e_j), \qquad
     e_{j+1} = Q\,(1 - \lambda\,q^{m}\,P)\,e_j + (1 - Q)\,e_r, \qquad P = \frac{G\,(C + F)}{1 + G C}
 
-with the number j of the run, the error e_j in it, the share λ that is learned, and the shift q by one tick,
-so that m is a look ahead in ticks. G is the plant, C the regulator, F its feedforward, and e_r the error
-without learning. Q is a zero-phase filter (binomial, with an odd number of taps). The change from run to run
-is multiplied by
+with the number j of the run, the error e_j in it, the share λ that is learned, and the shift q by one tick:
+the correction at a tick learns from the error m ticks later. G is the plant, C the regulator, F its
+feedforward, and e_r the error without learning. Q is a zero-phase filter (binomial, with an odd number of
+taps). The change from run to run is multiplied by
 
 .. math:: \rho(\omega) = \left|Q\,(1 - \lambda\,e^{i\omega m T} P)\right|
 
@@ -41,9 +41,10 @@ class Learnt:
 
     Args:
         regulator: regulator of the loop.
-        ticks: number of ticks in the motion or period.
+        ticks: number of ticks in the motion or period, above `taps` + `lead`.
         gain: share λ of an error that is learned in each repetition, 0 to 1.
-        lead: number m of ticks by which an error is learned ahead: the delay of the closed loop.
+        lead: number m of ticks by which a correction precedes the error that it removes: the delay of the
+            closed loop.
         taps: number of taps of the filter Q, odd; 1: no filter.
         periodic: True for repetitive control, which learns after each period by itself; the loop must settle
             within one. Otherwise call `learn` after each run, and the regulator's `begin` before the next.
@@ -53,7 +54,8 @@ class Learnt:
         history: rms error of each run or period, m (rad).
 
     Raises:
-        QuantityError: a number is out of range or not whole, or `regulator` has the wrong type.
+        QuantityError: a number is out of range or not whole, `taps` is even, or `regulator` has the wrong
+            type.
     """
 
     def __init__(
@@ -83,7 +85,8 @@ class Learnt:
 
     def step(self, measured: float, target: float, tick: int) -> float:
         """Return the voltage [V] for a measured and a wanted position [m] at a tick, counted from the start
-        of the run; with `periodic`, learn at the start of each later period."""
+        of the run, and keep the error for learning; with `periodic`, learn at the start of each later
+        period. After the last tick of a motion, its last correction is used."""
         size = self.correction.size
         at = tick % size if self.periodic else min(tick, size - 1)
         if self.periodic and at == 0 and tick:
@@ -112,8 +115,9 @@ class Learnt:
         Learning converges if the largest factor is below 1. See the module for the equation.
 
         Args:
-            loop: result of `control.loops.sampled_loop`.
-            frequencies: Hz; by default those of the loop, up to half the update rate.
+            loop: result of `control.loops.sampled_loop` at the regulator's update rate.
+            frequencies: Hz, between which values are interpolated; by default those of the loop, up to half
+                the update rate.
         """
         known = loop.frequencies
         angle, control = 2.0 * math.pi * known / loop.rate, self.regulator.response(known)

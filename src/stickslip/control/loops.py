@@ -100,7 +100,8 @@ def grid(rate: float, delay: int = 0) -> Array:
 
 
 def _about(roots: Iterable[complex], rate: float, ends: Array) -> list[Array]:
-    """Return frequencies [Hz] around each resonance, with a spacing in proportion to its damping.
+    """Return a list with an array of frequencies [Hz] around each narrow resonance, with a spacing in
+    proportion to its damping.
 
     Args:
         roots: poles and zeros of a sampled system.
@@ -278,7 +279,7 @@ class OpenLoop(NamedTuple):
 
     def stable(self, factor: float = 1.0) -> bool:
         """Return True if all poles of the closed loop are inside the unit circle, with the regulator's gain
-        multiplied by `factor`."""
+        multiplied by `factor`; with more than `_STATES` states, by the Nyquist criterion."""
         a, b, c, d = self.own
         if self.loop.b.size + b.size > _STATES:
             return self._turns(factor)

@@ -2,6 +2,7 @@
 
 A move passes through these phases:
 
+    rest      before the first target, at 0 V (or the limit next to 0 V)
     return    the piezo moves, sticking, to the end of its range from which steps in this direction start
     step      full steps, one after the other; the last ones are chosen so that the remaining distance is in
               the piezo's reach, near the middle of its range
@@ -114,8 +115,9 @@ class Mover:
 
     Args:
         walk: parameters of stepping.
-        table: step sizes, which are corrected during the move.
-        regulator: regulator of the piezo; its voltage limits are the range.
+        table: initial step sizes; corrections learned during the move are in the attribute `steps_of`.
+        regulator: regulator of the piezo, which the mover starts and advances; its voltage limits are the
+            range.
         gain: gain of the piezo, m/V (rad/V), > 0: a step forward is a rise of the voltage.
         hold: time at the target until `done`, s; inf: never done.
         learning: weight of new steps in the step sizes, see `Steps`.
@@ -124,18 +126,21 @@ class Mover:
         unit: unit of positions: m, or rad.
 
     Attributes:
-        phase: present phase, see the module; `history` contains the start of each phase, s.
-        settled_at: time of the first arrival at the target, s, or None; `steps` is the number of steps,
-            `lost` the number of them that moved less than 20 % of the expected distance.
+        phase: present phase, see the module; `history` is a list of pairs, phase and its start [s].
+        settled_at: see the property; `steps` is the number of steps, `lost` the number of them that moved
+            less than 20 % of the expected distance.
         goal: target, m; NaN before the first one.
         plan: parameters of the move, as C takes them.
         arrival: test whether the position is at the target; see `Arrival`.
-        remark: a sentence if noise prevents the arrival test, otherwise "".
-        steps_wanted: number of full steps to make (negative: backward). Set it, and the mover makes them and
-            then holds where it is, whatever the target is.
+        remark: a sentence once the sensor's noise exceeds a third of the tolerance, before "".
+        steps_wanted: number of full steps to make (negative: backward). Set it, and the mover makes them,
+            whatever the target is. `goal` is then the position reached: pass it as target to hold there.
         jogs: number of these steps that are left.
         centre_wanted: set to True while holding, to bring the piezo to the middle of its range by a step or
             two, at the same target.
+
+    Raises:
+        QuantityError: an argument is wrong, or amplitude, slip or table do not fit the regulator.
     """
 
     def __init__(
@@ -216,7 +221,8 @@ class Mover:
 
     @property
     def settled_at(self) -> float | None:
-        """Return the time of the first arrival at the target, s; None before."""
+        """Return the start of the `dwell` time that showed the first arrival at the present target, s; None
+        before this arrival."""
         return self._c.settled_at if self._c.settled else None
 
     @property
@@ -246,7 +252,7 @@ class Mover:
     def step(self, measured: float, target: float, tick: int) -> float:
         """Return the voltage [V] for a measured and a wanted position [m, or rad] at a tick, counted from the
         start of the run; raise MoveError if the move is given up. Warn (ControlWarning) once if the noise of
-        the sensor prevents the arrival."""
+        the sensor exceeds a third of the tolerance."""
         c, regulator = self._c, self.regulator
         regulates = self._before(c, measured, target, tick)
         if c.begins:

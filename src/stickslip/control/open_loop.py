@@ -47,13 +47,15 @@ class DeadReckoning:
 
     Attributes:
         tally: numbers of steps since the last datum, see `Tally`.
-        doubt: reasons why the position is not reliable before the next datum, or "".
+        doubt: text with the reasons why the position is not reliable before the next datum, or "".
 
     Construction only reads the controller, and makes no steps. If the controller counts steps itself, steps
     made by others are detected.
 
     Raises:
-        QuantityError: the voltage was not calibrated, or is out of the axis' range, as may be the frequency.
+        QuantityError: the voltage was not calibrated, voltage or frequency is out of the positioner's range,
+            or there is no such axis.
+        RigError: the positioner does not answer.
     """
 
     def __init__(
@@ -103,8 +105,8 @@ class DeadReckoning:
     ) -> None:
         """Make `count` steps (upwards if positive), wait for their end, and update position and interval.
 
-        Steps at another voltage or frequency than calibrated only widen the interval, with a reason in
-        `doubt`.
+        Steps outside the calibrated voltages, or at another frequency than calibrated, do not change the
+        position; they widen the interval, with a reason in `doubt`. So do steps made by others before.
 
         Args:
             count: number of steps; 0 does nothing.
@@ -114,7 +116,8 @@ class DeadReckoning:
         Raises:
             QuantityError: the count, voltage or frequency is out of the positioner's range.
             InterlockError: the positioner is not simulated, and the program not armed.
-            RigError: the positioner does not answer, or still moves 10 s after twice the expected time.
+            RigError: the positioner does not answer, or still moves 10 s after twice the expected time, and
+                is stopped; position and tally then lack these steps.
         """
         volts = self.voltage if voltage is None else to_si(voltage, "V", "voltage")
         hertz = self.law.frequency if frequency is None else to_si(frequency, "Hz", "frequency")
@@ -146,7 +149,8 @@ class DeadReckoning:
 
         Raises:
             InterlockError, RigError: as for `step`.
-            QuantityError: the position is not known, or the steps have no size in this direction.
+            QuantityError: the position is not known, the steps have no size in this direction, or more steps
+                are needed than the positioner makes at once.
         """
         goal = _AT.check(target, "target")
         if not self._known:
@@ -180,7 +184,8 @@ class DeadReckoning:
 
     def held(self, voltage: float | str) -> None:
         """Hold the piezo at a voltage [V]. The step law does not include this displacement, so the interval
-        is widened, and `doubt` gives the reason. Raises the errors of `step`."""
+        is widened, and `doubt` gives the reason. Raises the errors of `step`, and RigError if the positioner
+        cannot hold a voltage."""
         volts = to_si(voltage, "V", "voltage")
         need_armed(self.positioner)
         self.positioner.scan(self.axis, volts)

@@ -187,7 +187,8 @@ def _initial(value: Any, tables: Iterator[str]) -> str:
 
 
 def mover_source(mover: Mover) -> str:
-    """Return the C header of a mover at rest, with its learned step sizes, as text.
+    """Return a C header, as text, of a mover that starts at rest with the step sizes learned until now, which
+    are also written to `mover.plan`.
 
     Raises QuantityError if the regulator contains the inverse of a piezo.
 

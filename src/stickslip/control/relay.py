@@ -63,8 +63,8 @@ class Relay:
         slope: slope of the voltage, up and down, V/s.
         rate: update rate, Hz.
         voltage: voltage about which the loop oscillates, V, such as the middle of the piezo's range.
-        band: distance beyond the middle at which the relay switches, m: at least three times the noise of the
-            sensor at rest, which is measured, and small compared with the amplitude.
+        band: distance beyond the middle at which the relay switches, m, small compared with the amplitude; it
+            is raised to three times the noise of the sensor, which is measured at rest in the middle.
         reach: largest deviation of the voltage to each side, V.
         periods: number of measured periods, above 0.
 

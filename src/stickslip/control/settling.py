@@ -28,10 +28,10 @@ _MEAN = 1e-3  # default duration of the running mean of a sensor's readings, s
 class Settling(NamedTuple):
     """Settling of a move.
 
-    Fields: `times` [s] after which the position stays within each of the `windows` [m] (NaN: not until the
-    end); `overshoot` [m] beyond the target, in the direction of the move, or 0; `rms` [m] of the error over
-    the last `held` seconds; `noise` [m], standard deviation of the sensor's noise after the running mean, 0
-    without a mean. For a rotary actuator, m is rad.
+    Fields: `times` [s] of the recording from which on the position stays within each of the `windows` [m]
+    (NaN: outside at the end); `overshoot` [m] beyond the target, in the direction of the move, or 0; `rms`
+    [m] of the error over the last `held` seconds (0: of the last sample); `noise` [m], standard deviation of
+    the sensor's noise after the running mean, 0 without a mean. For a rotary actuator, m is rad.
     """
 
     windows: tuple[float, ...]
@@ -56,7 +56,7 @@ def settling(
         recording: result of `rig.regulate` or `simulate_control`.
         target: target position, m, or rad if the recording is in rad.
         windows: half-widths of the windows about the target, in the same unit.
-        hold: duration at the end over which the rms error is computed, s.
+        hold: duration at the end over which the rms error and the noise are computed, s; 0: the last sample.
         average: duration of a running mean, s, which removes the sensor's noise, and faster motion, from all
             results. By default 1 ms for a sensor's readings, and no mean for a simulated position (next to
             `measured_position`), which has no noise.

@@ -48,9 +48,9 @@ class Shaper(NamedTuple):
         return np.arange(float(shares.size)) * half, shares
 
     def taps(self, rate: float | str) -> Array:
-        """Return the shaper as taps of a digital filter (the weight of each earlier tick, with sum 1) at an
-        update rate [Hz]; each part is split between the two ticks around its time. Raises QuantityError
-        unless the mode's frequency is below half the rate."""
+        """Return the shaper as taps of a digital filter (weights of the present tick, index 0, and of each
+        earlier one, with sum 1) at an update rate [Hz]; each part is split between the two ticks around its
+        time. Raises QuantityError unless the mode's frequency is below half the rate."""
         hertz = RATE.check(rate, "rate")
         below_half(self.frequency, hertz, "Shaper.frequency")
         times, shares = self.parts()
@@ -132,7 +132,10 @@ class Shaping:
     Args:
         controller: controller that gets the shaped target; its attribute `done` is passed on.
         shaper: shaper of the mode that must not vibrate.
-        rate: update rate, Hz; more than twice the frequency of the mode.
+        rate: update rate, Hz.
+
+    Raises:
+        QuantityError: the rate is not above twice the frequency of the mode.
     """
 
     def __init__(self, controller: Controller, shaper: Shaper, rate: float | str) -> None:

@@ -41,7 +41,7 @@ def simulate_control(
 
     At each tick the controller gets the end-effector's position and returns the voltage, which is constant
     until the next. Positions are relative to the rest position under slope and load (in `simulate`, to rest
-    without them). There are no converters, amplifier or limits; those belong to the rig (`rig.regulate`). If
+    without them). Converters, amplifier and the limits of a rig are not simulated (see `rig.regulate`). If
     the controller, or its `controller`, `mover` or `regulator`, has an attribute `rate` [Hz], it must equal
     `rate`.
 
@@ -52,7 +52,7 @@ def simulate_control(
         target: wanted position, m (rad): a number, or a waveform in that unit.
         duration: longest duration, s.
         rate: update rate, Hz.
-        delay: delay of the voltage, in ticks.
+        delay: delay of the voltage, in ticks; until then it is 0 V.
         noise: standard deviation of a measured position, m.
         seed: seed of the noise.
         tolerance: tolerance of the simulation in each tick, m.

@@ -138,12 +138,15 @@ def measure_travel(
     """Count the steps from limit to limit, for each voltage and direction, `repeats` times; return a dataset
     over "burst" for `fit_steps`, with the variables of `measure_steps`.
 
+    First the axis steps to the lower limit, at the largest voltage. The positioner is stopped at the end and
+    after an error.
+
     Args:
         positioner, axis, progress, keep: as for `measure_steps`.
         at_limit: function that returns 1 at the upper limit, -1 at the lower, 0 in between.
         travel: distance between the limits, m.
         bursts: plan; its `steps` are made between two checks of the limit. The limit lies within the last
-            ones, of which half are counted.
+            ones, of which half are counted. The plan's `bursts` is not used.
         error: standard deviation of the limits' positions, m.
 
     Raises:
@@ -247,7 +250,7 @@ def read_bursts(path: str | os.PathLike[str], frequency: float | str) -> xr.Data
     """Return bursts from a CSV file, in the order of its lines, as a dataset like that of `measure_steps`.
 
     A burst in another direction than the previous one, and the first burst, count as after a change of
-    direction. Lines that start with # are ignored. The first other line names the columns
+    direction. Lines that start with # are ignored. The first other line names the columns, in any order,
     ``voltage [V], direction, steps, displacement [um], noise [nm]``, with any units of these kinds. The
     direction is 1 or -1, the displacement is positive towards +x, and the noise is the standard deviation of
     the displacement.
@@ -293,7 +296,8 @@ def read_bursts(path: str | os.PathLike[str], frequency: float | str) -> xr.Data
 
 
 def write_bursts(bursts: xr.Dataset, path: str | os.PathLike[str]) -> None:
-    """Write bursts, a dataset from `measure_steps`, as the CSV file that `read_bursts` reads, in SI units."""
+    """Write bursts, a dataset from `measure_steps`, as the CSV file that `read_bursts` reads, in SI units.
+    The file does not contain their frequency, nor after_reversal."""
     rows = np.column_stack([bursts[name].values for name in _COLUMNS]).tolist()
     lines = [_HEAD, *map(_line, rows)]
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -47,8 +47,8 @@ Array = NDArray[np.float64]
 
 _MOST_BYTES = 1_000_000  # largest size of a file of a law, bytes
 FEWEST = 8  # smallest excess of the number of bursts over that of step sizes (two for each voltage)
-# Lowest and highest value of the noise parameters in a fit (see the module): sigma, tau divided by the mean
-# step, q_c and q_s.
+# Lowest and highest value of the noise parameters in a fit (see the module), sigma, tau divided by the mean
+# step, q_c and q_s; then three initial guesses of them.
 _BOUNDS = ((1e-4, 1.0), (1e-3, 1.0), (1e-7, 0.05), (1e-7, 0.05))
 _STARTS = ((0.05, 0.05, 1e-4, 1e-4), (0.2, 0.01, 2e-3, 1e-5), (0.02, 0.2, 1e-5, 2e-3))
 _FALLS = 0.25  # fall of the log-likelihood at the upper end of a drift; study: docs/benchmarks/open-loop.md
@@ -119,7 +119,7 @@ class StepLaw(NamedTuple):
 
     def model(self, voltage: float) -> StepModel:
         """Return the step sizes and uncertainties at an amplitude [V] for an `Estimator`; the load is left
-        out."""
+        out. Raises QuantityError if there are no steps at this amplitude in a direction."""
         forward, backward = self.size(voltage, 1), self.size(voltage, -1)
         worst = max(
             error / size
@@ -145,7 +145,8 @@ class StepLaw(NamedTuple):
 
     def table(self) -> StepSizes:
         """Return the step sizes as the table of a `Mover`. Sizes in this table must not decrease with the
-        voltage: a smaller one at a higher voltage is replaced by the largest one at lower voltages."""
+        voltage: a smaller one at a higher voltage is replaced by the largest one at lower voltages. Raises
+        QuantityError for a law of a single voltage."""
         up, down = (tuple(np.maximum.accumulate(one).tolist()) for one in (self.forward, self.backward))
         return StepSizes(self.voltages, up, down)
 
@@ -156,7 +157,7 @@ class StepLaw(NamedTuple):
         backward; shape (rows, 3).
 
         Raises:
-            QuantityError: no step size is made in both directions.
+            QuantityError: no step size is made in both directions, or the law has a single voltage.
         """
         of = self.table()
         volts = [np.array(self.voltages)] * 2

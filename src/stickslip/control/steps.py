@@ -1,9 +1,9 @@
 """Table of step sizes by voltage from a model, corrected by steps measured during a move.
 
-The voltages of a model's table are those at the piezo: each step is simulated as a `Mover` asks for it at its
-ticks, behind converter and amplifier (`OutputStage`). Forward and backward steps are learned separately,
-because they differ under a load, on an incline, or with a piezo that has hysteresis. `voltage_for` inverts
-the table: it gives the amplitude for a wanted step in either direction.
+The voltages of a model's table are commanded amplitudes, in V at the piezo. Each step is simulated as a
+`Mover` commands it at its ticks; converter and amplifier (`OutputStage`) then change the voltage. Forward and
+backward steps are learned separately, because they differ under a load, on an incline, or with a piezo that
+has hysteresis. `voltage_for` inverts the table: it gives the amplitude for a wanted step in either direction.
 """
 
 from __future__ import annotations
@@ -108,16 +108,20 @@ class StepSizes(NamedTuple):
     ) -> StepSizes:
         """Return the step sizes of a model's periodic walks behind an output stage.
 
+        At a voltage with a smaller step than a lower voltage, or without a steady walk, the size is that at
+        the lower voltage (0 if there is none). The model's voltage limits are ignored.
+
         Args:
             model: the actuator.
             output: converter and amplifier, ``bench.output()``; or its update rate, Hz, which is that of the
                 mover.
             frequency: frequency of the steps, Hz.
-            max_voltage: largest amplitude, V.
+            max_voltage: largest of the 16 amplitudes, V.
             slip: edge with which each step slips; by default a jump.
 
         Raises:
-            QuantityError: the model does not step at the greatest voltage, or the edge takes too long.
+            QuantityError: the model does not step at the greatest voltage, the edge takes too long, or a step
+                has too few ticks.
         """
         hertz, most = to_si(frequency, "Hz", "frequency"), to_si(max_voltage, "V", "max_voltage")
         volts, stage = np.linspace(_LEAST * most, most, _VOLTAGES), output_of(output)
@@ -137,8 +141,8 @@ class StepSizes(NamedTuple):
 
 
 def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, slip: Slip) -> tuple[Array, str]:
-    """Return the net steps [m] of periodic walks, NaN where no steady step is found, and the reason why the
-    last walk has none, otherwise "".
+    """Return the net steps [n], m, of periodic walks (negative backward; NaN where no steady step is found),
+    and the reason why the last walk has none, otherwise "".
 
     Args:
         model: the actuator.
@@ -168,13 +172,16 @@ def _walks(model: Actuator, output: OutputStage, hertz: float, volts: Array, sli
 
 
 def _knots(hertz: float, amplitude: float, slip: Slip) -> tuple[PeriodicKnots, Array]:
-    """Return the waveform of a forward walk from 0 V for an output without updates, and the remaining shares
-    of its voltage at the corners of the slip edge, from 1 to 0.
+    """Return the waveform of a walk from 0 V for an output without updates, and the remaining shares of its
+    voltage at the corners of the slip edge, from 1 to 0.
 
     Args:
         hertz: number of steps per second.
-        amplitude: amplitude of the steps, V.
+        amplitude: amplitude of the steps, V; negative for a walk backward.
         slip: edge with which each step slips.
+
+    Raises:
+        QuantityError: the edge takes too long.
     """
     after, left = slip.corners(_EDGE / hertz)
     if not after[-1] < (1.0 - RISING) / hertz:
@@ -263,10 +270,10 @@ class Steps:
 
     def voltage_for(self, distance: float, direction: int) -> float:
         """Return the amplitude [V] of a step of this size [m] in a direction, 1 or -1, by the learned sizes;
-        the largest amplitude of the table if no step is so large."""
+        the smallest or largest amplitude of the table if all its steps are larger or smaller."""
         return self._lib.mover_voltage_for(self.of, distance, direction)
 
     def learn(self, voltage: float, direction: int, distance: float) -> None:
         """Update the factor of a direction (1 or -1) by a step that was made: with this amplitude [V], it
-        moved by this distance [m] in the direction."""
+        moved by this distance [m] in the direction. A step with size 0 in the table is ignored."""
         self._lib.mover_learn(self.of, voltage, direction, distance)

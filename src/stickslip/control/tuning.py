@@ -300,11 +300,11 @@ def tune(
         output: converter and amplifier, ``bench.output()``, whose updates are the loop's ticks; or their rate
             alone, Hz. A `ControlWarning` names a mode near the Nyquist frequency.
         requirement: required margins.
-        posterior: result of `ss.posterior`, or other actuators for which the loop must be stable too.
+        posterior: result of `ss.posterior`, or other actuators for which the loop must keep them too.
         delay: number of ticks between a measured position and its voltage, including the sensor's delay.
 
     Raises:
-        MarginError: no gain keeps them.
+        MarginError: no integral gain keeps the required margins.
         QuantityError: the rate or the delay is out of range, the actuator's gain is not above 0, or the
             requirement has the wrong type; see `simulation.sticking`.
     """

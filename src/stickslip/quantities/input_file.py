@@ -117,7 +117,7 @@ def fields_of(record: type, *names: str) -> type[RecordFields]:
 
     Each value is a number, or a text with a unit, in the range that the record declares. Instead of a length
     the file may give an angle, because this part of the file does not say whether the actuator is rotary.
-    Such a text is converted only when the record is constructed.
+    Values of such a field are therefore converted only when the record is constructed.
 
     Args:
         record: class of the record, whose fields declare a `Quantity`.

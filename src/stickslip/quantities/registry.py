@@ -240,7 +240,7 @@ def origin(thing: Any) -> str:
 def nothing_run() -> Iterator[None]:
     """Let `use_file` raise RegistryError for new files in this context, as while files are only listed.
 
-    Files that were run before stay usable.
+    Files that were run before stay usable, and are run again if they have changed.
     """
     before = _RUNS.set(False)
     try:
@@ -285,7 +285,7 @@ def use_file(path: str | os.PathLike[str]) -> ModuleType:
         path: the Python file.
 
     Raises:
-        RegistryError: there is no such file, or it fails; the message names the line.
+        RegistryError: no such file or not Python, it fails (the message names the line), or `nothing_run`.
     """
     file = Path(path).resolve()
     with _USING:

@@ -141,7 +141,8 @@ def to_si(value: float | str, unit: str, field: str = "value") -> float:
         field: name of the value in an error.
 
     Raises:
-        QuantityError: the string cannot be read or has another dimension, or the value is no number.
+        QuantityError: the string cannot be read or has another dimension, or the value is no number (NaN and
+            infinity are accepted).
     """
     if type(value) is float:
         return value
@@ -248,7 +249,7 @@ def near_one(value: float, digits: int = 4) -> str:
 
 def with_unit(text: str) -> Any:
     """Return a text such as "0.1 ms" as a quantity of pint, which carries its unit through arithmetic; "1"
-    gives a number.
+    gives a dimensionless one.
 
     Raises:
         QuantityError: the text cannot be read; the message continues the sentence "FIELD ...".

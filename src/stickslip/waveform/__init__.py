@@ -1,8 +1,9 @@
 """Drive signals: waveforms for users (such as `Sawtooth`) and the segment table for the engine (`Drive`).
 
-A waveform is an object that fulfils the protocol `signal.Waveform`; a simulation only calls its method
-``drive(duration)``. A user's own waveform is a class in the user's file that builds its table with
-`pieces.assemble` or `pieces.repeat`, as `shapes` and `periodic` do; `signal.signal_record` registers it.
+A waveform is an object that fulfils the protocol `signal.Waveform`; a simulation gets the signal from its
+method ``drive(duration)``, and steady stepping needs its `period` [s]. A user's own waveform is a class in
+the user's file that builds its table with `pieces.assemble` or `pieces.repeat`, as `shapes` and `periodic`
+do; `signal.signal_record` registers it.
 
 Values are in volts, or in metres with ``unit="m"`` (radians: ``"rad"``): the same shapes drive a piezo and
 the base of a spring-pulled slider.

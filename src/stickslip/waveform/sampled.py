@@ -25,8 +25,8 @@ class Sampled:
     """Samples, joined by lines ("linear") or each held until the next ("hold", as a converter does).
 
     Fields: `times` [n], s, ascending, the first >= 0; `values` [n], V, m or rad (`unit`); `period`, s, or
-    None for a signal that does not repeat. Before the first time the signal has the first value; after the
-    last time, which is its `duration`, it has the last value.
+    None for a signal that does not repeat. Without a period, the signal has the first value before the first
+    time, and the last value after the last time, which is its `duration`.
 
     With a period, the samples are repeated without end; all must lie within the period. The last sample is
     joined to the first one of the next period in the same way as the others. With lines, the last time may
@@ -34,7 +34,7 @@ class Sampled:
 
     Raises:
         QuantityError: there are no samples; lengths differ; a number is NaN; times are negative, not
-            ascending or not within the period; or a unit is wrong.
+            ascending or not within the period; or a unit or the interpolation is wrong.
     """
 
     times: NDArray[np.float64]

@@ -29,7 +29,8 @@ class Sequence:
     the waveform off or lengthens its final rest. After the last part the signal keeps its final value.
 
     Raises:
-        QuantityError: no parts, an endless part without a duration, or parts in volts and in metres.
+        QuantityError: no parts, an endless part without a duration, a duration that is not above 0, or parts
+            in different units.
     """
 
     parts: tuple[tuple[Waveform, float], ...]

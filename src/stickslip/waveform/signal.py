@@ -90,7 +90,8 @@ def check_unit(unit: Any, owner: str) -> None:
 
 
 def signal_record(named_tuple: type[T]) -> type[T]:
-    """Class decorator: make a ``NamedTuple`` a waveform with checked fields, and register it by its name.
+    """Class decorator: make a ``NamedTuple``, one of whose fields is `unit`, a waveform with checked fields,
+    and register it by its name.
 
     The fields are checked as by `records.record`. Fields that are declared in V (or V/s) are read in the
     waveform's own `unit` instead, such as m (m/s).

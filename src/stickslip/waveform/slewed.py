@@ -17,7 +17,8 @@ class Slewed:
     """Drive in which each jump of `source` is replaced by a ramp at the amplifier's slew rate `rate` [V/s].
 
     An amplifier with a current limit has such a slew rate. The signal between the jumps is not changed; it is
-    taken to be slower than the slew rate.
+    taken to be slower than the slew rate. A jump that would take less than 1 ns remains. QuantityError is
+    raised unless the rate is above 0.
     """
 
     source: Waveform
