@@ -47,7 +47,8 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     """Return the arrays of an NPZ file by name; other members of the archive are left out.
 
     Raises:
-        GateError: the file is damaged, contains Python objects, or is larger inside than `LIMITS` allows.
+        GateError: there is no such regular file; the file is damaged, contains Python objects, is packed by
+            another method than NumPy's, or is larger inside than `LIMITS` allows.
     """
     check_regular(path)
     try:

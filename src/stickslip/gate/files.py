@@ -32,7 +32,7 @@ def opened(path: str | os.PathLike[str]) -> io.BufferedReader:
 def name_of(file: io.BufferedReader) -> str:
     """Return a path of an open file by its descriptor (/dev/fd/N).
 
-    The path leads to this file even if another file has replaced it on the disk since it was opened and
-    checked. Libraries that accept only a path, and open it themselves, get this one.
+    As long as the file is open, the path leads to this file even if another file has replaced it on the disk
+    since it was opened and checked. Libraries that accept only a path, and open it themselves, get this one.
     """
     return f"/dev/fd/{file.fileno()}"

@@ -92,7 +92,7 @@ class Hdf5Array:
         """Return the objects that the references of this array lead to, in MATLAB's order (column by column).
 
         Raises:
-            GateError: a reference leads to an object that is not in the tree of the file.
+            GateError: a reference leads to no object in the file's tree, or there are too many of them.
         """
         check_count(self._tree.path, math.prod(self.shape), LIMITS.visits, f"references in {self.name!r}")
         with _damage(self._tree.path):
@@ -193,7 +193,7 @@ class Hdf5Tree:
             return [(self.target(pair[0], one.name), int(pair[1])) for pair in value.flat]
 
     def attributes(self, one: Hdf5Array | Hdf5Group, hidden: frozenset[str] = frozenset()) -> dict[str, Any]:
-        """Return the attributes of an array or group that are texts or numbers, by name, without `hidden`.
+        """Return the attributes of an array or group (texts, numbers), by name, without those in `hidden`.
 
         Raises:
             GateError: the attributes take more bytes than `LIMITS` allows, or the file is damaged.
@@ -207,8 +207,8 @@ class Hdf5Tree:
         return {name: value for name, value in found.items() if value is not None}
 
     def text_attribute(self, one: Hdf5Array | Hdf5Group, name: str) -> str:
-        """Return an attribute of an array or group as text; "" if it is missing or neither text nor
-        numbers."""
+        """Return an attribute of an array or group as text; "" if it is missing, neither text nor numbers, or
+        of an array of the kind ""."""
         if isinstance(one, Hdf5Array) and not one.kind:
             return ""
         with _damage(self.path):

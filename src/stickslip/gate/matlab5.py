@@ -154,7 +154,8 @@ def check_matlab5(path: Path) -> dict[str, str]:
         name of the variable; empty for version 4.
 
     Raises:
-        GateError: the number of variables or cells, their depth, or the unpacked size exceeds `LIMITS`.
+        GateError: the number of variables or cells, their depth, the unpacked size or the length of a name
+            exceeds `LIMITS`, or a declared size is impossible.
         OSError: the file cannot be opened.
     """
     variables: dict[str, str] = {}

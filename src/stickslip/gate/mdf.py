@@ -39,8 +39,8 @@ def check_mdf(path: Path) -> None:
     """Refuse an MDF file that asammdf would not read in bounded time and memory; files of other formats pass.
 
     Raises:
-        GateError: the file is damaged, has another version than 4 or XML with entities, or its number of
-            blocks, their depth or the unpacked size exceeds `LIMITS`, perhaps by a cycle.
+        GateError: the file is damaged, has another version than 4 or XML with entities or a document type, or
+            its number of blocks, their depth or the unpacked size exceeds `LIMITS`, perhaps by a cycle.
         OSError: the file cannot be opened.
     """
     with opened(path) as file:

@@ -39,7 +39,8 @@ class Netcdf(NamedTuple):
 
 
 def read_netcdf(path: Path) -> Netcdf:
-    """Return the numeric variables in the root group of a NetCDF 4 file; variables of text are left out.
+    """Return the variables of real numbers in the root group of a NetCDF 4 file; all other variables, such as
+    texts, are left out.
 
     Raises:
         GateError: the file is no NetCDF 4, is damaged, refers to other files, or has more structure than

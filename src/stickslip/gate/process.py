@@ -39,8 +39,8 @@ _STARTS = 60.0
 # Largest number of files that are remembered because they exceeded a limit or crashed the process.
 _REMEMBERED = 500
 
-# Exit codes of the process that are the file's fault. All others (SIGKILL for lack of memory, SIGTERM, an
-# exit) say nothing about the file.
+# Exit codes of the process after a crash, which is the file's fault, like SIGPROF after too much processor
+# time. All others (SIGKILL for lack of memory, SIGTERM, an exit) say nothing about the file.
 _CRASHES = {-signal.SIGSEGV, -signal.SIGABRT, -signal.SIGFPE, -signal.SIGILL}
 
 
@@ -186,8 +186,8 @@ def _ending(code: int) -> str:
 
 
 def work(connection: Connection, modules: Iterable[str]) -> None:
-    """Run the fence's process: import modules, send b"ready", then answer requests until the other end of the
-    connection is closed.
+    """Run the fence's process, which has a low priority and ignores Ctrl-C: import modules, send b"ready",
+    then answer requests until the other end of the connection is closed.
 
     A request that exceeds its processor time ends this process by the signal SIGPROF.
 

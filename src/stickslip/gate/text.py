@@ -143,8 +143,8 @@ def load_json(raw: bytes | str, source: str) -> Any:
         source: name of the text in errors, such as the path of its file.
 
     Raises:
-        GateError: the text is no JSON, is nested too deeply, has too many values or a number of too many
-            digits, or gives a name twice.
+        GateError: the text is no JSON or not UTF-8, is nested too deeply, has too many values or a number of
+            too many digits, gives a name twice, or contains half a character (a lone surrogate).
     """
     written = raw if isinstance(raw, bytes) else raw.encode("utf-8", "surrogatepass")
     text = decoded(raw, source)
@@ -170,8 +170,8 @@ def load_toml(raw: bytes | str, source: str) -> dict[str, Any]:
         source: name of the text in errors, such as the path of its file.
 
     Raises:
-        GateError: the text is no TOML, has more than `MOST_BYTES` characters, is nested too deeply, has a
-            number of too many digits, or gives a key twice.
+        GateError: the text is no TOML or not UTF-8, has more than `MOST_BYTES` characters, is nested too
+            deeply, has a number of too many digits, or gives a key twice.
     """
     text = decoded(raw, source)
     if len(text) > MOST_BYTES:

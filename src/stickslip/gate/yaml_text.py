@@ -2,8 +2,9 @@
 
 A parser that first composes a tree exhausts the stack at 50,000 brackets, and the memory at eight lines of
 references (anchors and aliases). Here depth and values are counted at each event before anything is built;
-values behind a reference count each time it is used. Three features of YAML 1.1 are missing: numbers of base
-60 (``1:30`` is a text), tags other than ``!!str``, ``!!map`` and ``!!seq``, and keys that are not texts.
+values behind a reference count each time it is used. Some features of YAML 1.1 are missing: numbers of base
+60 (``1:30`` is a text), tags other than ``!!str``, ``!!map`` and ``!!seq``, keys that are not texts (``1:``
+is the text "1"), directives except %YAML, and several documents in a text.
 """
 
 from __future__ import annotations
@@ -57,8 +58,9 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
         source: name of the text in errors, such as the path of its file.
 
     Raises:
-        GateError: the text is no YAML, is nested too deeply, has too many values or a number of too many
-            digits, or gives a key twice.
+        GateError: the text is no YAML or not UTF-8, uses a missing feature (see the module), has more than
+            `MOST_BYTES` characters, is nested too deeply, has too many values or a number of too many digits,
+            or gives a key twice.
     """
     text = decoded(raw, source)
     if len(text) > MOST_BYTES:

@@ -68,7 +68,7 @@ def to_si_scale(text: str) -> Conversion:
     sensor. A unit without a number is converted as by `to_si_unit`.
 
     Raises:
-        QuantityError: see `to_si_unit`; or the number is 0 or not finite.
+        QuantityError: see `to_si_unit`; or the number is 0 or not finite, or stands before a temperature.
     """
     found = _SCALED.fullmatch(text.strip())
     if not found:

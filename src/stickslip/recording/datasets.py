@@ -1,7 +1,7 @@
 """Download of published data sets, measured by other groups, for examples and tests.
 
-The data are not part of this package. They are taken from a local folder if there is one, otherwise from
-their authors' repositories, at a fixed commit and checked by SHA-256.
+The data are not part of this package. They are taken unchecked from a local folder if there is one, otherwise
+from their authors' repositories, at a fixed commit and checked by SHA-256.
 """
 
 from __future__ import annotations

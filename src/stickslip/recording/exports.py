@@ -76,7 +76,7 @@ def save_csv(
     recording: xr.Dataset, path: str | os.PathLike[str], units: Mapping[str, str] | None = None
 ) -> Path:
     """Write a recording to a ``.csv`` file with the header "time [s],drive_voltage [V],..." and return the
-    absolute path.
+    absolute path; an existing file is replaced as a whole.
 
     All digits of the numbers are written. `units` is as for `save_matlab`.
 

@@ -26,7 +26,7 @@ def part_of(target: Path) -> Path:
 
 @contextmanager
 def replaced_whole(target: Path) -> Iterator[Path]:
-    """Provide a temporary path beside the target, to which the block writes. At its end, the content is
+    """Provide a temporary path beside the target, to which the block must write. At its end, the content is
     flushed to disk and the file is renamed to the target; after an error, the temporary file is removed.
 
     At every moment the target's name refers to a complete file, the old one or the new one.

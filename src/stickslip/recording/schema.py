@@ -138,7 +138,8 @@ def make_recording(
     epoch: str = "",
     long_names: Mapping[str, str] | None = None,
 ) -> xr.Dataset:
-    """Return a recording made from arrays, after checks.
+    """Return a recording made from arrays, after checks. A RecordingWarning reports a name that is probably a
+    misspelled standard name.
 
     Args:
         time: seconds, strictly ascending, at least two samples.
@@ -308,8 +309,8 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     Raises:
         RecordingError: the recording is not a Dataset or has no variables; "time" is missing or not the only
             coordinate, has fewer than two samples, or is not strictly ascending; a variable is not float64
-            over "time", not finite, or lacks units or long_name; the schema has another version than this
-            library's.
+            over "time", not finite, lacks units or long_name, or has a known unit that is not in SI or a name
+            that is no identifier; the schema has another version.
     """
     import xarray as xr
 

@@ -266,7 +266,8 @@ class _Fitted(NamedTuple):
 
     def is_shown(self, since: Array, volts: Array) -> bool:
         """Return True if a channel (times since its first sample [s], voltages [V]) follows this waveform
-        away from jumps, within twice its white noise or about 1 % of its range.
+        away from jumps, within twice its white noise or about 1 % of its range, and over 80 % of the samples
+        are away from jumps.
 
         Up to 5 % of the samples may be farther away. The result is False if fewer than 80 % of the samples
         are away from jumps.

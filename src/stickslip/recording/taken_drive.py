@@ -60,8 +60,8 @@ class TakenDrive(NamedTuple):
 
     def since(self, recording: xr.Dataset) -> Waveform | None:
         """Return the waveform in time since the first sample of the recording, with rest before its start;
-        None if no waveform is known. A waveform that starts with or before the recording is returned
-        unchanged."""
+        None if no waveform is known. A waveform that does not start within the recording, after its first
+        sample, is returned unchanged."""
         if self.waveform is None:
             return None
         time = recording["time"].values

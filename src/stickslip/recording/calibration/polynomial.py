@@ -138,8 +138,8 @@ def fit_calibration(
     y_unit: str = "m",
     source: str = "",
 ) -> Calibration:
-    """Fit a polynomial to a calibration table by least squares, and return the `Calibration`. With no more
-    points than coefficients, its uncertainties are None.
+    """Fit a polynomial to a calibration table by least squares, and return the `Calibration`. With as many
+    points as coefficients, `residual_deviation`, `covariance` and `scale_uncertainty` are None.
 
     Args:
         x: readings of the sensor, SI, shape (n,); or (n, r) for r readings at each point, whose means are
@@ -211,7 +211,7 @@ def cross_validation(x: ArrayLike, y: ArrayLike, orders: Sequence[int] = range(1
     points are not in the result.
 
     Args:
-        x, y: as for `fit_calibration`.
+        x, y: as for `fit_calibration`, as plain numbers.
         orders: orders to compare.
 
     Raises:

@@ -28,7 +28,8 @@ def available_calibrations() -> tuple[str, ...]:
 
 
 def load_calibration(name: str | os.PathLike[str]) -> Calibration:
-    """Return a calibration of the package by its name, or a JSON file by its path.
+    """Return a calibration: one of the package by its name, or one in a JSON file by its path, which ends in
+    ``.json``.
 
     Raises:
         CalibrationError: the name is unknown, or the file is wrong; the message names file and field.

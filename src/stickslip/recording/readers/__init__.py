@@ -1,4 +1,5 @@
-"""Readers of measurement files (text, MAT, HDF5, MDF, TDMS, oscilloscopes and others), and their checks."""
+"""Readers of measurement files (text, MAT, HDF5, MDF, TDMS, oscilloscopes and others), of logs, frequency
+responses and friction points; their checks, and inspection of files."""
 
 from .blocks import read_log as read_log
 from .frequency_table import read_frequency_response as read_frequency_response

@@ -92,8 +92,8 @@ def _part(load: Callable[[], np.ndarray], part: str) -> np.ndarray:
 
 
 def subscripted(part: ArrayChannel) -> str:
-    """Return the name of a channel in Python's notation, such as "table[:, 2]". If the array has no other
-    channel, this is the name of the array."""
+    """Return the name of a channel in Python's notation, such as "table[:, 2]". If an array with a name has
+    no other channel, this is the name of the array."""
     name = part.array
     return name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
 

@@ -42,8 +42,9 @@ def read_log(path: str | os.PathLike[str]) -> xr.Dataset:
     """Return the table in a log of "key: value" blocks: a dataset over "record" with a variable for each key,
     in SI; values with an unknown unit keep this unit.
 
-    A missing value is NaN. The text before the keys of a record is in the variable `label`. The variables are
-    named by the keys in lower case, with "_" for other signs.
+    A missing value is NaN. The text before the keys of a record is in the variable `label`; a number in this
+    text ("Trial 1") is also a value, with the word as key. Only the first 4 MiB of the file are read. The
+    variables are named by the keys in lower case, with "_" for other signs.
 
     Raises:
         RecordingError: there are no two such blocks, or a key has units of different dimensions.

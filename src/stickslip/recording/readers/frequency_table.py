@@ -84,13 +84,13 @@ def read_frequency_response(
         scale: response, with its unit, that a gain of 1 (0 dB) means: "0.5 um/V".
 
     Returns:
-        Dataset over "frequency" [Hz, ascending], "output" and "input" (both from 1) with the variable
-        `response`, complex, in SI. It has no `deviation`: all frequencies have equal weights in
+        Dataset over "frequency" [Hz, ascending, above 0], "output" and "input" (both from 1) with the
+        variable `response`, complex, in SI. It has no `deviation`: all frequencies have equal weights in
         `identify_frequency`.
 
     Raises:
         RecordingError: there is no frequency response in the file, a unit is missing or wrong, a value is not
-            a number, or a frequency is repeated.
+            a number, a frequency is negative or repeated, or fewer than two are above 0.
     """
     path = Path(path)
     with named_file(path):

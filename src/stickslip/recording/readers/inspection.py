@@ -42,8 +42,8 @@ class Inspection(NamedTuple):
         path: path of the file.
         reader: name of the reader.
         cut: True if the ranges of `columns` are of the first samples only.
-        columns: description of each column, see `preview.look`; empty for a recording of this package, a log
-            or a universal file.
+        columns: description of each column, see `preview.look`; empty for a recording of this package, a log,
+            or a universal file without functions of time.
         named, units, clocks: arguments of `read_recording`, guessed where the file does not state them; for a
             frequency response, `named` are its columns by role.
         recording: the recording read with these arguments; None if that failed, or for a frequency response
@@ -90,7 +90,7 @@ class Inspection(NamedTuple):
 
     def noise(self, name: str) -> float:
         """Return the standard deviation of the recording's variable `name` before the drive starts, in the
-        unit of the variable; NaN with fewer than 20 such samples."""
+        unit of the variable; NaN with fewer than 20 such samples or without a start of the drive."""
         begins = self.drive_begins
         if self.recording is None or begins is None:
             return math.nan

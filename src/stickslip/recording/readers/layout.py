@@ -24,7 +24,8 @@ from .source import FileChannel
 from .stamps import Stamped, find_stamps
 from .titles import channel_of, cut, header_fields, titles, with_header_clock
 
-# fewest lines, evenly spread over the first part of the file, from which the delimiter is determined
+# fewest lines, evenly spread over the first part of the file, from which the delimiter is determined (all
+# lines if there are fewer)
 SAMPLE = 100
 HEADER = 400  # number of lines at the top that are searched for settings of an instrument
 FEW = 20  # number of rows from which a column is recognised as times
@@ -42,7 +43,7 @@ class TextLayout(NamedTuple):
     encoding: str
     delimiter: str
     decimal: str
-    comment: str | None  # sign that starts a comment; None: there are no comments
+    comment: str | None  # sign that starts a comment, "#" or "%"; None: there are no such comments
     first_line: int  # number of lines above the first row of data
     line_bytes: float  # mean length of a line in bytes
     channels: tuple[FileChannel, ...]

@@ -36,8 +36,8 @@ _V73_BLOCK = 512  # size in bytes of MATLAB's own header before the HDF5 content
 
 def read_matlab(path: Path) -> FileContent:
     """Return the content of a MAT file: every array of real or complex numbers with more than one element, or
-    the signals of a dSPACE capture, as channels. Objects that cannot be read are listed as channels without
-    numbers.
+    the signals of a dSPACE capture, as channels. Without a capture, objects that cannot be read are listed as
+    channels without numbers.
 
     Raises:
         RecordingError: the file is damaged or has an unknown version, or contains no numbers.

@@ -31,10 +31,11 @@ class _Place(NamedTuple):
 
 def read_mdf(path: Path) -> FileContent:
     """Return the content of an MDF 4 file: its channels, of which each group's own time channel is the clock
-    of the others.
+    of the others. Groups without samples or without a time channel are left out.
 
     Raises:
-        RecordingError: asammdf is not installed, the file is damaged, of version 3, or has no samples.
+        RecordingError: asammdf is not installed, the file is damaged, or has no such channels.
+        GateError: `check_mdf` refuses the file.
     """
     file = _opened(path)
     try:

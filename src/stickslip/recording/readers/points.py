@@ -41,8 +41,8 @@ def read_points(
         Dictionary of the arrays "velocity" [m/s] and "force" [N], one value for each point.
 
     Raises:
-        RecordingError: a column is missing, ambiguous, or contains other numbers; the message names file and
-            column.
+        RecordingError: a column is missing or ambiguous, has a wrong unit, or a value that is missing or not
+            finite; the message names file and column.
     """
     path = Path(path)
     with named_file(path):

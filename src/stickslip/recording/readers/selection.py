@@ -40,7 +40,7 @@ class FileVariable(NamedTuple):
 
 class Selection(NamedTuple):
     """Result of a selection: `variables`, and `clocks`, the time column of each clock by the index of its
-    channel, the common clock first (None: None for equally spaced samples)."""
+    channel, the common clock first. For equally spaced samples, the index and the time column are None."""
 
     clocks: Mapping[int | None, FileVariable | None]
     variables: tuple[FileVariable, ...]

@@ -68,8 +68,8 @@ def _has_date(found: re.Match[str]) -> bool:
 
 
 def day_first(texts: Sequence[str]) -> bool | None:
-    """Return True if dates like "1/2/2020" in the texts have the day before the month, False if the month is
-    first or there are no such dates, None if both orders are possible."""
+    """Return True if dates like "1/2/2020" in the texts have the day before the month (always if a sign is
+    not "/"), False if the month is first or there are no such dates, None if both orders are possible."""
     found = [one for text in texts if (one := _STAMP.fullmatch(text)) and one["y2"] is not None]
     if any(int(one["a2"]) > 12 for one in found) or any(one["sign2"] != "/" for one in found):
         return True
@@ -139,7 +139,7 @@ class Stamped(NamedTuple):
 
     def whole(self, values: np.ndarray) -> np.ndarray:
         """Return the samples of the column in s since `epoch`: numbers of days are converted, and times of
-        day that start again at 0 are continued."""
+        day that start again at 0 are continued, in place."""
         if self.days is not None:
             return (values - self.days) * DAY
         for at in np.flatnonzero(np.diff(values) < -0.5 * self.wraps):

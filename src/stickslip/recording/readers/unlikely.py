@@ -28,11 +28,12 @@ LONGEST_STEP, LONGEST_SAID_STEP, FEW = 1.0, 30.0, 10
 
 
 def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked], units: Container[str]) -> None:
-    """Raise an error that asks for the unit if a channel's range or the sampling interval is implausibly
-    large, even if the file states the unit.
+    """Raise an error that asks for the unit if a channel's range or the median sampling interval is
+    implausibly large, even if the file states the unit; dates are not checked.
 
     Args:
-        chosen, groups: selected channels, and their values in SI grouped by clock.
+        chosen, groups: selected channels, and their values in SI grouped by clock, in the order of
+            `chosen.clocks`.
         units: names of variables whose unit the user has given, which are not checked.
 
     Raises:
