@@ -48,7 +48,8 @@ def known_devices() -> list[Known]:
 
 
 def attached_devices() -> list[Found]:
-    """Return the serial ports, USB instruments and DAQ cards (National Instruments) of this machine.
+    """Return the serial ports and USB instruments of this machine (Linux, macOS), and the DAQ cards (National
+    Instruments).
 
     Nothing is sent to any port. Only the devices that a back end's static method `attached` lists, as DAQ
     cards, have a `name`.
@@ -96,7 +97,8 @@ def _about(client: Any) -> About:
 def _identity(client: Any, host: str, port: int, timeout: float) -> str:
     """Return the identity that the device at an address reports, as a text.
 
-    Without a method `identify` of the class `client`, the device is opened and closed for it.
+    If the class `client` has no method `identify`, the device is opened and closed; the identity is then its
+    name in `capabilities` or `ranges`.
 
     Raises:
         RigError: the device is not of the kind that `client` controls, or nobody answers within `timeout` s.

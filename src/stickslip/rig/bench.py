@@ -5,9 +5,10 @@ source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` gives the sensor's
 "my_sensor.py:MySensor", beside the file), the part it is mounted `on` (stage or end_effector), and the `adc`
 that samples it.
 
-With ``base = "kang2007-bench"`` a file contains only the differences: its tables replace those of the base.
-``amplifier = "pd200x4"`` and ``stack = "ae0505d16"`` (for its capacitance) use parts of
-`physics.electronics.parts`, by name or by a file beside the bench's.
+With ``base = "kang2007-bench"`` a file contains only the differences. Each of its top-level tables replaces
+the base's whole table: one ``[sensor.NAME]`` replaces all sensors. ``amplifier = "pd200x4"`` and
+``stack = "ae0505d16"`` (for its capacitance) use parts of `physics.electronics.parts`, by name or by a file
+beside the bench's.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from ..recording.chain import Chain
 
 T = TypeVar("T")
 
-MOST_BASES = 10  # longest chain of bench files, each of which names the next one as its `base`
+MOST_BASES = 10  # greatest number of bench files below one file, each the `base` of the previous one
 _BENCHES = Path(__file__).parent / "benches"
 Sensor = StrainGauge | InductiveSensor | Interferometer | Encoder | PositionSensor | Chain
 _PLACES = ("stage", "end_effector")
@@ -143,15 +144,15 @@ def load_bench(name: str | os.PathLike[str]) -> Bench:
 def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     """Return the content of a bench file, tables by name, together with the content of its base.
 
-    A table of the file replaces the base's table of the same name; `stack` also replaces the base's
-    `piezo_capacitance`, and the reverse.
+    A top-level table of the file replaces the base's whole table of the same name; `stack` also replaces the
+    base's `piezo_capacitance`, and the reverse.
 
     Args:
         file: path of the bench file.
         above: files that lead to this one, each as the base of the one before; to detect a cycle.
 
     Raises:
-        ParameterSetError: a file cannot be read, or the bases form a cycle or too long a chain.
+        ParameterSetError: a file is missing or cannot be read, or the bases form a cycle or too long a chain.
     """
     if file in above or len(above) > MOST_BASES:
         said = f"the bench is its own base, or the last of more than {MOST_BASES}"
@@ -189,7 +190,8 @@ class _Reading:
     """Reader of one bench file's content, which collects the assumed values in `assumptions`.
 
     The constructor gets the path, for errors, and the content with its bases, as `_whole` returns it. `bench`
-    builds the bench. All methods raise ParameterSetError for a wrong table, with file and table.
+    builds the bench, once only: each table is removed from `content` when it is read. The methods that read a
+    table raise ParameterSetError, with file and table, if the table is wrong.
     """
 
     def __init__(self, file: Path, content: dict[str, Any]) -> None:
@@ -231,8 +233,8 @@ class _Reading:
         return bench
 
     def _amplifier(self) -> Amplifier:
-        """Return the amplifier of the table ``[amplifier]``, or the part that ``amplifier = NAME`` names;
-        NAME is removed from `content`."""
+        """Return the amplifier of the table ``[amplifier]``, or the part that ``amplifier = NAME`` names. The
+        entry is removed from `content`; its assumed values go to `assumptions`."""
         if not isinstance(self.content.get("amplifier"), str):
             return self._part(Amplifier, "amplifier", self._table("amplifier"))
         name = _beside(self.file, self.content.pop("amplifier"))
@@ -242,7 +244,8 @@ class _Reading:
 
     def _capacitance(self) -> float:
         """Return the piezo's capacitance, F, of ``[piezo_capacitance]`` or of the part ``stack = NAME``, and
-        remove this entry from `content`. ParameterSetError if both are given, or NAME is no text."""
+        remove this entry from `content`. Its assumed values go to `assumptions`. ParameterSetError if both
+        are given, or NAME is no text."""
         named = self.content.pop("stack", None)
         if named is None:
             key = "piezo_capacitance"

@@ -1,4 +1,5 @@
-"""Settings of a recording (capture): length, sampling interval, trigger, time before it, averaging."""
+"""Settings of a recording (capture): length, sampling interval, trigger, time before the trigger, averaging;
+and the choice of the rig's samples that form the recording."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def regulate(
     plausibility: Plausibility | None = None,
     second: str = "",
 ) -> xr.Dataset:
-    """Run a closed loop and record it. The output always ramps to 0 V, however the run ends.
+    """Run a closed loop and record it. Once started, the output always ramps to 0 V, however the run ends.
 
     The voltage that the controller requests is clipped to the voltage range and slew rate of the limits;
     `limited_updates` counts the clipped updates. A request that is not finite, an exception, or no answer
@@ -77,15 +77,16 @@ def regulate(
         target: target position, m (rad) from home: a number, a text with unit, or a waveform in that unit.
         channels: settings by the name of the recorded variable, without filter and `zero`. The channel
             `end_effector_position` is the controlled position.
-        limits: limits of the output; end stops and constant readings end the run. `max_duty` must be 1.
+        limits: limits of the output, to which the site's are added (`site`); end stops and constant readings
+            end the run. `max_duty` must be 1.
         duration: longest duration, s.
         interval: time between recorded samples, s, a multiple of the rig's; by default all samples are
             recorded.
         title, attributes, progress, home, save: as for `measure`. A run that ended early is saved in
             unfinished/ beside `save`.
-        sees: called about every 5 ms with the next values of each channel [n] by name, in the thread of the
-            loop: a slow function delays the updates (not those of a `HostedRig`). An error that it raises
-            ends the run.
+        sees: called about every 5 ms (`HostedRig`: up to 0.1 s) with the next values of each channel [n] by
+            name, in the thread of the loop: a slow function delays the updates (not those of a `HostedRig`).
+            An error that it raises ends the run.
         plausibility: thresholds for the position, see `control.plausibility`; by default the controller's
             own, as for a `Mover`.
         second: name of a channel that measures the same position by another sensor, for comparison; "" for
@@ -101,8 +102,8 @@ def regulate(
         QuantityError: a channel, a limit, the target, a time or the update rate of the controller does not
             fit the rig. Nothing was put out.
         InterlockError: the run may not start, for example because the output is not armed.
-        LimitError: a limit was passed, the position is not plausible, or the controller failed; its
-            `recording` contains the samples so far.
+        LimitError: a limit was passed, the position is not plausible, or the controller failed. Its
+            `recording` contains the samples so far; None if there are fewer than two.
         RigError: the rig allows no closed loop, or does not answer as it should.
     """
     home = _home_of(rig) if home is None else home

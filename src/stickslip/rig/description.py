@@ -60,7 +60,7 @@ def open_device(device: dict[str, Any], origin: float) -> Rig:
 
     Raises:
         RigError: the device does not answer, or the description has no known kind.
-        ValueError: a value of the description is wrong.
+        ValueError, LookupError, TypeError: a value of the description is wrong, missing or unknown.
     """
     kind = device.get("kind")
     if kind == "own":
@@ -86,7 +86,7 @@ def told_of(device: dict[str, Any], runs: int, after: int) -> dict[str, str]:
     Args:
         device: description of the rig.
         runs: number of runs of the recording.
-        after: number of runs that the rig has made since the number in the description.
+        after: number of runs that the rig has made since the run `number` in the description's `repeats`.
     """
     if device.get("kind") != "virtual":
         return {}

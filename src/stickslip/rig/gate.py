@@ -1,4 +1,5 @@
-"""Safety checks of an open-loop run: of the drive before the output, and of the readings during the run."""
+"""Safety checks of an open-loop run: of the drive before the output, and of the readings during the run.
+Closed loops also use the position input and the error of a failed stop."""
 
 from __future__ import annotations
 
@@ -46,11 +47,11 @@ class Gate:
         rig: rig that outputs the drive and records.
         limits: limits of the output and the position.
         capabilities: capabilities of the rig.
-        home: origin of positions. An input without a home, as all by default, gets its mean reading before
-            the drive as home. `take` stores the last position here.
+        home: origin of positions. A position input without a home, as all by default, gets as home its mean
+            reading before the drive, in the first block of samples. `take` stores the last position here.
 
     Attributes:
-        began: position before the drive, m (rad) from home; None until it was read.
+        began: mean position before the drive, in the first block, m (rad) from home; None until it was read.
     """
 
     def __init__(
@@ -103,8 +104,8 @@ class Gate:
         Raises:
             RigError: the samples do not have this shape.
             LimitError: the rig delivered nothing for `Limits.watchdog` (longer if it delivers only at the
-                end); a reading is not finite; or the position was constant for `Limits.frozen` while the
-                drive changed by `FROZEN_DRIVE`, or is beyond an end stop.
+                end); a reading, or the position computed from it, is not finite; or the position was constant
+                for `Limits.frozen` while the drive changed by `FROZEN_DRIVE`, or is beyond an end stop.
         """
         shape = getattr(block, "shape", None)
         if shape is None or len(shape) != 2 or shape[0] != len(self._inputs):

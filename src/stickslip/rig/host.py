@@ -4,8 +4,8 @@
 
 The folder keeps home.json (origin of positions), interlock.json (fault and permits), rig.json (port, token
 and number of the process, readable by this user only), log.jsonl (see `logbook`) and rig.log (error output).
-Only one process at a time has the lock of a folder. The process ends after `LINGER` seconds without client
-and run; SIGTERM ends it with a ramp to 0 V. `wire` describes the requests.
+Only one process at a time has the lock of a folder. The process ends when no run is active and the last
+client has been gone for `LINGER` seconds; SIGTERM ends it with a ramp to 0 V. `wire` describes the requests.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ from .site import site_of
 from .supervisor import ANOTHER, Supervisor, state_of
 from .wire import WireError, receive, send, text_of
 
-NICE = -10  # nice value that the process sets itself, so that computations and pages do not delay it
-LINGER = 5.0  # time without a client and without a run after which the process ends, s
+NICE = -10  # nice value that the process requests, so that computations and pages do not delay it
+LINGER = 5.0  # time without a client after which the process ends, once no run is active, s
 _GREETING = 2.0  # time in which a new connection must send the request "hello" with the token, s
 _MOST_STRANGERS = 32  # most connections that have not sent "hello" yet; one more closes the oldest of them
 _LONGEST_WAIT = 1.0  # longest time that one request waits for samples or for the end of a run, s
@@ -81,8 +81,8 @@ class Host:
         self.ended = threading.Event()
 
     def serve(self) -> None:
-        """Serve until neither client nor run was there for `LINGER` s, or `ended` is set; then ramp to 0
-        V."""
+        """Write rig.json and serve, until no run is active and no client was there for `LINGER` s, or `ended`
+        is set. Then remove rig.json and ramp to 0 V."""
         listening = socket.create_server(("127.0.0.1", 0))
         listening.settimeout(0.2)
         self._tell(listening.getsockname()[1])
@@ -166,7 +166,7 @@ class Host:
             link.close()
 
     def _release(self, gone: bool = False) -> None:
-        """Let other clients hold the rig, once its run has ended at 0 V.
+        """Let other clients hold the rig, once its run and the ramp to 0 V have ended.
 
         The end is awaited for `_LONGEST_WAIT`, a ramp for `_LONGEST_RAMP`. If the run has not ended then (a
         virtual rig may compute for long), a thread waits for it. With `gone` True the client has
@@ -322,11 +322,12 @@ class Host:
         """Open the rig; return its `capabilities` and, as `told`, its attributes for recordings (JSON data).
 
         Args:
-            device: description of the rig, see `description`. A real rig that is open stays open.
+            device: description of the rig. The same real rig stays open; a rig with another one is closed.
             again: True if this client has opened the rig before: a virtual rig then stays as it is too.
 
         Raises:
-            RigError, TypeError: a run is active; JSON cannot express the data of a user's own rig.
+            RigError, TypeError: a run is active, the device does not answer, or JSON cannot express the data
+                of a user's own rig. `open_device` raises further errors.
         """
         capabilities = self._open(device, again)
         told = getattr(self.supervisor.rig, "told", None)
@@ -371,7 +372,7 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
 
 
 def main(folder: Path) -> int:
-    """Own the rig of a folder until it has no client any more; return the exit code of the process.
+    """Own the rig of a folder until `Host.serve` ends; return the exit code of the process.
 
     The code is 0 at the regular end, `ANOTHER` if another process owns the rig, and 1, with a line on stderr,
     if the folder or a file in it cannot be used.

@@ -85,8 +85,8 @@ class Link:
 
         Args:
             do, values, what: name, array and other content of the request; see `wire`.
-            within: s in which the answer must come; else the connection is closed. None: no limit.
-            late: s without an answer before a `RigWarning` asks people to switch the amplifier off.
+            within: s in which the answer must come, else the connection is closed. None: no limit.
+            late: s without an answer before a `RigWarning` asks to switch the amplifier off (with `within`).
 
         Raises:
             RigError, QuantityError: refusal by the process, with its `answer`; RigError also if the process
@@ -107,7 +107,7 @@ class Link:
         return answer, block
 
     def tell_stop(self, why: str) -> None:
-        """Request a stop for the reason `why` without waiting. Raises RigError if the process is gone."""
+        """Request a stop for `why` at once; call `heard_stop` next. RigError if the process is gone."""
         try:
             send(self._link, {"do": "stop", "why": why})
         except OSError as error:
@@ -133,7 +133,7 @@ class Link:
         raise RigError(UNANSWERED)
 
     def close(self) -> None:
-        """Close the connection. The process then stops a run that this connection has started."""
+        """Close the connection. The process then stops its run, and disarms if this connection has armed."""
         self._link.close()
 
 
@@ -141,7 +141,7 @@ _LINKS: WeakSet[Link] = WeakSet()
 
 
 def stop_all(most: float = 3.0) -> None:
-    """Stop the runs of all rigs to which this program is connected; wait `most` s at most for the ends."""
+    """Stop the runs of all rigs of this program, one after the other; after `most` s no stop is sent."""
     end = time.monotonic() + most
     for folder in {link.folder for link in list(_LINKS)}:
         other = greeted(folder, "a stop")
@@ -167,7 +167,7 @@ class HostedRig:
         said: attributes for recordings that describe the device, texts by name, if known.
 
     Raises:
-        RigError: another program holds the rig, or it does not answer.
+        RigError: another program holds the rig, or it does not answer (only if it is opened here).
     """
 
     def __init__(
@@ -227,7 +227,7 @@ class HostedRig:
         self._ask("command", what=what)
 
     def said(self) -> dict[str, Any]:
-        """Return the statistics of the closed loop that came last, as `turns.LoopRig.said`; {} before any."""
+        """Return the statistics of the last run, as `turns.LoopRig.said`; {} if it was no closed loop."""
         return self._said
 
     def load(self, volts: Array) -> None:
@@ -276,7 +276,7 @@ class HostedRig:
             raise
 
     def home_here(self, position: PositionInput, slew: float) -> None:
-        """Make the present position home, as read in a run at 0 V. Its stop has the slew rate `slew`, V/s."""
+        """Make the position in a run at 0 V home, with a stop at `slew` [V/s], then release the rig."""
         self._open()
         try:
             self._ask("home_here", **position_document(position.name, position.calibration), slew=slew)

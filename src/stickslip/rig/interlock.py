@@ -7,8 +7,9 @@
 
 Arming is refused during a fault or without a permit. A fault or a withdrawn permit disarms. Fault and permits
 are kept in a file, so a restart clears neither; after a restart the output is disarmed. A damaged file counts
-as a fault. A simulated rig has no physical output and needs no arming, but its faults and permits work in the
-same way. The interlock never delays a stop, and a run at 0 V needs no permission.
+as a fault. A simulated rig has no physical output and needs no arming. In a process of its own its faults and
+permits work in the same way; in this program a simulated rig has no interlock. The interlock never delays a
+stop, and a run at 0 V needs no permission.
 """
 
 from __future__ import annotations
@@ -131,14 +132,14 @@ class Interlock:
             raise InterlockError(missing)
 
     def disarm(self, who: str, why: str) -> None:
-        """Disable the output; `who` and the reason `why` are logged. The caller must stop an active run."""
+        """Disable the output; if it was enabled, log `who` and `why`. The caller must stop an active run."""
         with self._lock:
             was, self._armed = self._armed, ""
         if was:
             self._log("disarmed", who, "the output", why)
 
     def latch(self, what: str) -> None:
-        """Disarm, and keep a fault until `acknowledge`. Faults before that are logged, but not kept.
+        """Disarm, and keep a fault until `acknowledge`. Further faults until then are logged, but not kept.
 
         Args:
             what: the fault, in words.
@@ -284,9 +285,9 @@ _ARMED: list[str] = []  # reasons of the active `armed` contexts, innermost last
 
 @contextmanager
 def armed(why: str) -> Iterator[None]:
-    """Arm the runs that this program starts within the context.
+    """Arm the runs that this program starts within the context, in any thread; allow positioners to move.
 
-    Each run is armed at its start and disarmed at its end. Contexts can be nested.
+    Each run other than at 0 V is armed at its start and disarmed at its end. Contexts can be nested.
 
     Args:
         why: the reason, for the log.
@@ -302,7 +303,7 @@ def armed(why: str) -> Iterator[None]:
 
 
 def arming() -> str:
-    """Return the reason given to the innermost active context `armed`; "" if there is none."""
+    """Return the reason given to the innermost active context `armed`; "" outside of such contexts."""
     return _ARMED[-1] if _ARMED else ""
 
 

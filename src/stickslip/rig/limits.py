@@ -32,10 +32,10 @@ class Limits(NamedTuple):
     `min_position` and `max_position` are end stops of the end-effector, m (rad) from home, checked during a
     run. `watchdog` is the longest time without an answer of the rig or a request of the program that runs it.
     `frozen` is the longest time in which the position may stay exactly the same while the drive moves by 10 V
-    or more. A stop is a ramp to 0 V at `stop_slew`; the ramp may last 10 s at most. `heartbeat` is the
-    longest silence of the operator during a run: of the panel's page in control, or of the program that
-    records. A longer silence ends the run with a ramp, and is no fault. Only the process of a rig checks
-    this; with infinity, the default, it does not.
+    or more. A stop is a ramp to 0 V at `stop_slew`, at most `max_slew`; the ramp may last 10 s at most.
+    `heartbeat` is the longest silence of the operator during a run: of the panel's page in control, or of the
+    program that records. A longer silence ends the run with a ramp, and is no fault. Only the process of a
+    rig checks this; with infinity, the default, it does not.
     """
 
     min_voltage: Annotated[float, Quantity("V", "u_min", "lowest voltage at the piezo", maximum=0)] = 0.0

@@ -145,7 +145,8 @@ class Line:
         return found
 
     def more(self) -> bytes:
-        """Return bytes that have arrived without a request; b"" if there are none.
+        """Return bytes that have arrived without a request, and keep them in the buffer; b"" if there are
+        none.
 
         If there are any, answers can no longer be matched to requests.
         """
@@ -178,7 +179,7 @@ class Line:
         self._rest += came
 
     def fail(self, why: str) -> NoReturn:
-        """Raise RigError with the device and the reason `why`; close the connection before if `closing`."""
+        """Raise RigError with the device and the reason `why`; with `closing` first close the connection."""
         if self._closing:
             self.close()
         raise RigError(f"{self.device}: {why}") from None

@@ -80,7 +80,8 @@ def read_log(path: Path, search: str = "", most: int = 500) -> list[Entry]:
     """Return the last lines of a log, the newest first.
 
     Args:
-        path: the log file; a missing file has no lines, and damaged lines are left out.
+        path: the log file, of which the last `MOST_BYTES` are searched; a missing file has no lines, and
+            damaged lines are left out.
         search: words, separated by spaces, all of which a line must contain; upper and lower case are equal.
         most: greatest number of lines.
 

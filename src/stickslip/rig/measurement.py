@@ -1,4 +1,4 @@
-"""One recording from any rig: output a drive within the limits, check the samples, record."""
+"""One recording from any rig: plan the run, output a drive within the limits, check the samples, record."""
 
 from __future__ import annotations
 
@@ -68,15 +68,15 @@ def measure(
 ) -> xr.Dataset:
     """Record one run, or the average of several. The output always ramps to 0 V, however the run ends.
 
-    If a run ends early, the error has an attribute `recording` with the samples recorded so far, or None. The
-    recording's attribute `outcome` says why the run ended; it is "complete" for a whole recording.
+    If a run ends early, the error has an attribute `recording` with the samples of that run so far, or None.
+    The recording's attribute `outcome` says why the run ended; it is "complete" for a whole recording.
 
     Args:
         rig: virtual or real.
         drive: waveform of the voltage at the piezo, V.
         channels: input and processing of each recorded variable, by the name of the variable.
         capture: length, interval, trigger, averaging.
-        limits: limits of the output and the position.
+        limits: limits of the output and the position; stricter limits of the site apply too (see `site`).
         title, notes, attributes: texts, and attributes by name, that are stored with the recording.
         progress: called at each block of samples, with "recording" and the finished fraction of the runs.
         home: origin of positions; by default the end-effector's position when this rig was first used. A
@@ -95,7 +95,8 @@ def measure(
         LimitError: the drive was refused, or the run was stopped at a limit.
         CaptureError: the trigger did not come.
         RigError: the rig does not answer as it should.
-        OSError: there is no room for the recording. Nothing was put out.
+        OSError, RecordingError: there is no room for the recording, and nothing was put out; or the recording
+            cannot be saved, and the file of samples stays.
     """
     home = _home_of(rig) if home is None else home
     rig, narrower, site = sited(rig, limits)
@@ -177,8 +178,8 @@ def plan_run(
     Nothing is output. The arguments are those of `measure`; `can` are the capabilities of the rig.
 
     Raises:
-        QuantityError: the drive is no waveform in V or repeats too fast, the run is too long for the rig, or
-            the capture does not fit the rig.
+        QuantityError: the drive is no waveform in V or repeats too fast, the run is too long for the rig, the
+            capture does not fit the rig, or the trigger's signal is no channel.
         LimitError: the limits forbid the drive.
         CaptureError: the trigger cannot come.
     """

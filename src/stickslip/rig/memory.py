@@ -51,7 +51,7 @@ def collect() -> None:
     """Collect garbage now. Call this while no run is active, because all threads wait for the collection.
 
     Within `collected_on_request`, if there are more than `_MANY` objects, all present objects are exempt from
-    later collections: nearly all of them belong to modules and stay.
+    later collections in this context: nearly all of them belong to modules and stay.
     """
     gc.collect()
     if gc.get_threshold()[2] == _NEVER and len(gc.get_objects()) > _MANY:

@@ -22,8 +22,9 @@ class Order(NamedTuple):
     its samples; None without such a file.
 
     With a `controller` (the data of `protocols.ControllerSpec.document`) the run is a closed loop, and
-    `volts` are target positions [n], m (rad) from home. Then `plausibility` has the thresholds for the
-    position (with None the controller's own), and `second` is another input that measures the position.
+    `volts` are target positions [n], m (rad) from home; the last one stays. Then `plausibility` has the
+    thresholds for the position (with None the controller's own), and `second` is another input that measures
+    the position.
 
     `arm` is the reason for which the output is enabled for this run only; with "" it must be enabled already.
     `Limits.heartbeat` counts from the last `Supervisor.beat` if the run is `operated` by a page, else from

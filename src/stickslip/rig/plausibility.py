@@ -1,12 +1,13 @@
 """Check that the position which a closed loop measures is plausible: that its drive explains the changes.
 
-While the contact sticks, the end-effector follows the drive u with the stroke per volt g, and x - g u stays
-constant. Only a fast change of the drive makes the contact slide, and in the opposite direction: a fall of
-the voltage by A moves x - g u forward, by 1.5 g A at most. Any other change of a reading is not motion: a
-jump, a drift, the wrong sign, a loose cable, a constant reading.
+While the contact sticks, the end-effector (position x) follows the drive u with the stroke per volt g:
+x - g u stays constant. Only a fast change of the drive makes the contact slide, in the opposite direction: a
+fall of the voltage by A moves x - g u forward, by 1.5 g A at most. Any other change of a reading is not
+motion: a jump, a drift, the wrong sign, a loose cable, a constant reading.
 
 A sensor that drifts more slowly than the steps cannot be distinguished from motion while the loop walks.
-While the target is constant, the steps of the loop are counted, and too many of them end the run.
+While the target is constant, the steps of the loop are counted, and too many of them end the run. Further
+checks are those of a second sensor and of an output at its limit.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from .protocols import Capabilities
 # in that change.
 SLIDE = 1.5
 EDGE_TIME = 0.5e-3  # window, s: the fast change of the drive at a step is the change within this time
-STEPS_JUDGED = 5  # number of last steps whose measured displacement is compared with the expected one
+# number of last steps, about, whose measured and expected displacements are compared; fewest steps for this
+STEPS_JUDGED = 5
 # Smallest fraction of a voltage change that must occur within `EDGE_TIME`; a slower change is no step.
 STEEP = 0.2
 # Fraction by which steps may be shorter than expected. The end-stop check by step count subtracts this
@@ -31,7 +33,8 @@ STEEP = 0.2
 STEP_DOUBT = 0.5
 # The target counts as reached if the position error is below this fraction of `Plausibility.apart`.
 REACHED = 0.25
-# Smallest fraction of the expected displacement of the last steps that the sensor must show.
+# Smallest fraction of the expected displacement of the last steps that the sensor must show, less half of
+# `Plausibility.apart`.
 LEAST_WAY = 0.1
 _INNER, _DEEPEST = ("controller", "mover"), 10
 _INF = math.inf

@@ -1,7 +1,7 @@
-"""Interface of a rig, virtual or real, which outputs a drive and records inputs on the same clock.
+"""Interfaces and errors of rigs, virtual or real, and interface of the controllers of closed loops.
 
-Output and inputs start at the same moment, `start`. Calibration, filtering and storage are the task of
-`measure`, which treats every rig in the same way.
+A rig outputs a drive and records inputs on the same clock; output and inputs start together, at `start`.
+Calibration, filtering and storage are the task of `measure`, which treats every rig in the same way.
 """
 
 from __future__ import annotations
@@ -115,8 +115,9 @@ class Rig(DriveOutput, Recorder, Protocol):
     """A drive output and a recorder on one clock.
 
     A rig with a true attribute `simulated` exists in the computer only and needs no arming. If the limits of
-    the device can be changed at the device, the rig has a method `refresh()`. It is called before each run
-    and reads the limits into `capabilities`.
+    the device can be changed at the device, the rig has a method `refresh()`. This method is called before
+    each run and reads the limits into `capabilities`. Optional are also `told(runs)`, which returns
+    attributes for a recording of the next runs, and `origin`, see `home`.
     """
 
     @property
@@ -163,8 +164,10 @@ class Controller(Protocol):
     """Controller of a closed loop, in a simulation, on a virtual rig or on a device.
 
     A controller needs only `step`. Optional attributes are `rate` (the update rate for which it is made, Hz),
-    `done` (True ends the run), and `target` (its own target position, m or rad from home, which a rig then
-    records and checks instead of the `target` of `step`).
+    `done` (True ends the run), `target` (its own target position, m or rad from home, which a rig then
+    records and checks instead of the `target` of `step`) and `plausibility` (thresholds for the position).
+    Optional methods are `command` (for requests during a run) and `told` (returns JSON data for the
+    statistics of a run).
     """
 
     def step(self, measured: float, target: float, tick: int) -> float:

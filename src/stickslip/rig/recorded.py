@@ -1,4 +1,5 @@
-"""Processing of a rig's raw samples into a recording: calibration, filter, trigger, choice of samples."""
+"""Processing of a rig's raw samples into a recording: calibration, filter, trigger, choice of samples; and
+storage of the settings as text."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ class Channel(NamedTuple):
     """A variable of the recording: the name of the rig's input, and the processing of its samples.
 
     The calibrations are applied to the raw samples in order, then the `filter`. With `zero` the mean of the
-    recorded samples before the trigger is subtracted.
+    recorded samples before the trigger (at least of the first one) is subtracted.
     """
 
     input: str
@@ -112,7 +113,7 @@ class Making(NamedTuple):
         """Return the recording of an unfinished run, up to the first reading that is not finite.
 
         Without a trigger in the samples, the recording starts where it would with a trigger at the start of
-        the drive.
+        the drive. If the run ended before that sample, the recording starts at the first raw sample.
 
         Args:
             raw: raw samples [inputs, n] until the run ended.

@@ -61,8 +61,8 @@ class AtPiezo:
 def simplified(piezo: Piezo | None) -> Piezo | None:
     """Return the piezo without plays, dead zones and creep terms of zero weight.
 
-    The result is None without a piezo model, or if what is left is a straight line. Simulations with the
-    returned piezo have the same result, bit for bit.
+    The result is None without a piezo model, or if the remaining model does not change the voltage.
+    Simulations with the returned piezo have the same result, bit for bit.
     """
     if piezo is None:
         return None

@@ -6,10 +6,10 @@ for the recording itself. A full disk thus prevents the run instead of losing it
 A run has a random identity. It is part of the file's name and, as the attribute `run_id`, of the recording
 made from the file. Programs that write the file share its lock until they end in any way. The samples of an
 active run are therefore never taken for those of a killed one. After a killed run the file is removed only if
-a recording with its identity exists, or if it has fewer than two samples with finite readings.
+a recording with its identity exists, or if its finite readings give fewer than two recorded samples.
 
     bytes 0-7     number of samples in the file, unsigned, little-endian
-    bytes 8-15    length of the description
+    bytes 8-15    length of the description, bytes
     then          the description, JSON (see `recorded.Making`)
     then          float64, little-endian, sample by sample: all inputs of the first sample, of the second, ...
 """
@@ -95,7 +95,8 @@ class Samples:
         self.close()
 
     def restart(self) -> None:
-        """Discard the samples so far, because another run of the same recording, an average, follows."""
+        """Discard the samples so far, because another run of the same recording (an average of runs)
+        follows."""
         self._count = 0
         os.pwrite(self._file, struct.pack("<Q", 0), 0)
 
@@ -178,10 +179,11 @@ def complete(path: Path, before: int, values: Array) -> None:
 def recover(folder: Path, most: float = 2.0) -> list[Path]:
     """Make recordings of the samples that killed programs left in a folder; return the recordings' paths.
 
-    The recordings are saved in unfinished/ of the folder, and the files of samples are removed. A file with
-    fewer than two samples with finite readings gives no recording. Unreadable files stay, and so do files
-    that are still in use after `most` seconds. The wait is for the rig's process, which still ramps to 0 V
-    after the death of the program that it records for. Errors are not raised.
+    The recordings are saved in unfinished/ of the folder, and the files of samples are removed. A file whose
+    finite readings give fewer than two recorded samples, or whose recording exists already, is only removed.
+    Unreadable files stay, and so do files that are still in use after `most` seconds. The wait is for the
+    rig's process, which still ramps to 0 V after the death of the program that it records for. Errors are not
+    raised.
     """
     end = time.monotonic() + most
     made = []

@@ -30,7 +30,7 @@ class ScpiInstrument:
         end: bytes that terminate each message to the instrument.
 
     Raises:
-        RigError: no instrument answers at this address.
+        RigError: no instrument answers at this address, `where` is no address, or pyvisa is missing.
     """
 
     def __init__(
@@ -88,10 +88,10 @@ class ScpiInstrument:
         self.check(command)
 
     def check(self, command: str) -> None:
-        """Read the error queue until it is empty; raise RigError with the oldest error if there was one.
+        """Read the error queue until it is empty, 32 errors at most; raise RigError with the oldest, if any.
 
-        `command` is the last command, for the error. After an answer that is no error, RigError is raised
-        too, and all later queries are refused.
+        `command` is the last command, for the error. After an answer without an error number, RigError is
+        raised too, and all later queries are refused.
         """
         first = ""
         for _ in range(_MOST_ERRORS):
@@ -162,8 +162,8 @@ class ScpiInstrument:
 class _VisaLine:
     """Connection to a VISA resource (GPIB, USB, ...), with the methods of `line.Line` that SCPI needs.
 
-    All methods raise RigError if the connection fails or data are late; `timeout` is the longest wait, s.
-    `role` names the instrument in errors.
+    The methods that send or read raise RigError if the connection fails or data are late; `timeout` is the
+    longest wait, s. `role` names the instrument in errors.
     """
 
     def __init__(self, role: str, resource: str, timeout: float) -> None:

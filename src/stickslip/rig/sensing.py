@@ -72,7 +72,7 @@ class Sensing:
         self._after = None if mounted.adc is None else Running(anti_alias, rate, self._finished(first))
 
     def sees(self, position: float) -> float:
-        """Take the next position, m (or rad); return the sensor's output after filter, delay and noise.
+        """Take the next position, m (or rad); return the sensor's output with filter, delay, noise, drift.
 
         The output is that at the input of the A/D converter, V; without a converter it is in m or rad.
         """
@@ -93,7 +93,8 @@ class Sensing:
         return value if self._after is None else self._after(value)
 
     def reading(self, value: float) -> float:
-        """Return an output [V] of `sees` rounded to a step of the A/D converter; unchanged without one."""
+        """Return an output [V] of `sees` rounded to a step of the A/D converter, within its range; unchanged
+        without a converter."""
         adc = self._adc
         if adc is None:
             return value
@@ -157,10 +158,10 @@ def _curve(sensor: Any) -> Callable[[float], float]:
 
 
 def _quantised(sensor: Any) -> Callable[[float], float]:
-    """Return the last stage of the sensor, a function from the noisy output to the final output.
+    """Return the last operation of the sensor, a function from the noisy output to the final output.
 
-    It rounds to the resolution (interferometer, encoder) or clips to the range (inductive sensor); for other
-    sensors it changes nothing.
+    The function rounds to the resolution (interferometer, encoder) or clips to the range (inductive sensor);
+    for other sensors the output is unchanged.
     """
     if isinstance(sensor, Interferometer | Encoder):
         return lambda x: round(x / sensor.resolution) * sensor.resolution

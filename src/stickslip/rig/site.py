@@ -106,7 +106,8 @@ class Site(NamedTuple):
         return Limits(**{**limits._asdict(), **given, "stop_slew": min(limits.stop_slew, slew)})
 
     def told(self) -> list[str]:
-        """Return each limit and each permit that an input gives as a short text, for display."""
+        """Return each limit and each permit that an input gives as a short text, for display; not the permits
+        that people give."""
         words = [
             f"{name.replace('_', ' ')} {with_prefix(value, _NARROWER[name][1])}"
             for name, value in self.limits.items()
@@ -142,7 +143,8 @@ class Site(NamedTuple):
 class PermittedRig:
     """Wrapper of a rig that ends a run when the reading of an input is outside the bounds of its permit.
 
-    It has the methods of `protocols.StreamingRig`, if the rig has them.
+    The wrapper has the methods of `protocols.StreamingRig`, if the rig has them, and all other attributes of
+    the rig.
 
     Args:
         rig: rig that outputs and records; the inputs of the permits are recorded in addition.

@@ -6,7 +6,7 @@ The states of a stop are:
     preparing   the process was preparing a run, which will not start: the output is at 0 V
     delivered   the rig's process has answered the request
     ramping     the rig ramps to 0 V
-    ramped      the rig reports that its ramp has ended; the amplifier has no monitor
+    ramped      the rig's ramp has ended (the amplifier has no monitor), or has failed (with an alarm)
     measured    the ramp has ended, and the amplifier's monitor reads 0 V
 
 The states "asked" and "delivered" may last `ANSWERS` s, "ramping" `RAMPED` s. After that the state of the
@@ -47,7 +47,7 @@ class StopState(NamedTuple):
 def follow_stop(
     folder: Path, why: str, tell: Callable[[StopState], None], needed: Callable[[], bool], asked: float
 ) -> StopState:
-    """Stop a rig, wait until its process reports 0 V, and return the last state.
+    """Stop a rig, wait until its process reports 0 V or (in `alarm`) a failure, and return the last state.
 
     The request is repeated every `_AGAIN` s until then. Without an answer of the process and without an
     active run, the function returns too: at once with the state "asked" if the process never answered and

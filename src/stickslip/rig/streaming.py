@@ -40,7 +40,7 @@ class Stream:
         slips: irregularity of the steps; None if every step follows the equations.
 
     Raises:
-        RigError: the bench's sampling rate differs from its update rate.
+        RigError: the bench's sampling rate differs from its update rate, or a sensor is a user's own.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Stream:
     def exchange(self, volts: float) -> list[float]:
         """Output a voltage [V at the piezo] for one update; return the readings of the next update.
 
-        The readings have the order and units of the inputs.
+        The readings have the order and units of the inputs. SimulationError if the simulation fails.
         """
         target = self._amplified(self.number(volts))
         if target == self._volts and target == self._monitor:
@@ -124,7 +124,8 @@ class Stream:
     def readings(self) -> list[float]:
         """Return the present readings of all inputs, in their order and units.
 
-        Call this exactly once per update: each call advances the filters and the noise of the sensors.
+        Call this only for the first readings: `exchange` calls it at each update, and each call advances the
+        filters and the noise of the sensors.
         """
         (x0, v0, y0, w0), now = self._before, self._now()
         self._before = now

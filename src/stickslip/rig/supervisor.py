@@ -91,9 +91,10 @@ class Supervisor:
         return self.phase in ("preparing", "running", "stopping")
 
     def run(self, order: Order) -> None:
-        """Start a run in a thread of its own and return immediately. Raises RigError if another run is
-        active, no rig is open or the rig allows no closed loop, InterlockError if the interlock forbids the
-        run, and LimitError if the site's limits forbid the drive."""
+        """Start a run in a thread of its own and return immediately; with `Order.arm` first arm the output.
+        Raises RigError if another run is active, no rig is open or the rig allows no closed loop,
+        InterlockError if the interlock forbids the run, LimitError if the limits forbid the drive, and
+        QuantityError."""
         if self.rig is None:
             raise RigError("no rig is open")
         with self._news:
@@ -176,7 +177,7 @@ class Supervisor:
         return True
 
     def join(self, most: float | None = None) -> None:
-        """Wait until the run has ended and the output is at 0 V, `most` s at most; None is no limit."""
+        """Wait until the run and its ramp to 0 V have ended, `most` s at most; None is no limit."""
         if self._thread is not None:
             self._thread.join(most)
 
@@ -228,8 +229,8 @@ class Supervisor:
 
     def home_here(self, position: PositionInput, limits: Limits) -> None:
         """Make the present position home: the mean reading of the input `position` in a run at 0 V within
-        `limits`, which lasts `HOMING` seconds. Homes of other inputs are forgotten. Raises RigError if no rig
-        is open, a run is active, or the rig gives no reading."""
+        `limits`, which lasts `HOMING` seconds. Wait for its end. Homes of other inputs are forgotten. Raises
+        RigError if no rig is open or no reading came, and as `run` and `fetch`."""
         if self.rig is None:
             raise RigError("no rig is open")
         can = self.rig.capabilities

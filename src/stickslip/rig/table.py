@@ -91,8 +91,9 @@ def held(volts: Array, samples: int) -> Array:
 def check_followed(name: str, recorded: Array, played: Array) -> None:
     """Raise RigError if a recorded drive [n] is another signal than the output [n].
 
-    A scale of either sign, an offset and a lag of up to 34 samples are allowed. If the correlation is below
-    0.5 with each lag, the input records another signal, or its samples are shifted or damaged.
+    A scale of either sign, an offset and a lag (one of `_LAGS`, up to 34 samples) are allowed. If the
+    correlation is below 0.5 with each lag, the input records another signal, or its samples are shifted or
+    damaged.
 
     Args:
         name: name of the device, for the error.

@@ -112,7 +112,7 @@ class LoopRig:
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
-        """Start the run at 0 V, read the inputs for the first update, and store the position there in `home`.
+        """Start the run at 0 V, read the inputs for the first update, and store the first position in `home`.
         RigError if the rig fails."""
         name, second = self._position.name, self._second
         first = (name,) if second is None or second.name == name else (name, second.name)

@@ -86,7 +86,8 @@ class Repeats(NamedTuple):
         return actuator.replace(friction=law._replace(**changed))
 
     def slips(self, actuator: Actuator, run: int = 0) -> Slips | None:
-        """Return the irregular slips of a run (`run` 0 is the next run); None without irregularity.
+        """Return the irregular slips of a run (`run` 0 is the next run); None without irregularity or if
+        clamped.
 
         QuantityError as `Slips`.
         """

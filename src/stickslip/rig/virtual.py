@@ -49,12 +49,12 @@ class VirtualRig:
         real_time: True to return samples no sooner than a real rig would.
         tolerance: greatest error of simulated positions, m (rad for a rotary actuator).
 
-    Each run starts at rest, and its readings start at zero, as the readings of an incremental sensor.
-    `origin` is the displacement of the end-effector by all earlier runs, m (rad). A piezo with hysteresis and
-    creep, however, continues from its state at the end of the previous run, without a pause; the readings
-    then start at the remaining stroke. The piezo of a new rig has rested at 0 V for long. To return to almost
-    this state, run a sine about 0 V that decays over many periods, if the amplifier allows negative voltages.
-    A run at 0 V is a rest.
+    Each run starts at rest, and its positions start at zero, as those of an incremental sensor. `origin` is
+    the displacement of the end-effector by all earlier runs, m (rad). A piezo with hysteresis and creep,
+    however, continues from its state at the end of the previous run, without a pause; the positions then
+    start at the remaining stroke. The piezo of a new rig has rested at 0 V for long. To return to almost this
+    state, run a sine about 0 V that decays over many periods, if the amplifier allows negative voltages. A
+    run at 0 V is a rest.
     """
 
     simulated = True  # a simulated rig needs no arming
@@ -162,7 +162,7 @@ class VirtualRig:
         self._fetched, self._began, self._running = 0, time.monotonic(), True
 
     def begin(self, inputs: tuple[str, ...]) -> list[float]:
-        """Start a run at 0 V whose output is set update by update, by `exchange`.
+        """Start and count a run at 0 V whose output is set update by update, by `exchange`.
 
         Return the first readings of the inputs, in their order and units. RigError for an unknown input,
         during a run, or if bench or sensors do not allow such runs.
@@ -219,7 +219,8 @@ class VirtualRig:
         self._interrupted.set()
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V at `slew` [V/s] from the output at the last fetched sample, and end the run.
+        """Ramp to 0 V at `slew` [V/s] from the output at the last fetched sample; end the run; update
+        `origin`.
 
         The ramp takes `limits.LONGEST_STOP` seconds at most, even for a smaller `slew`. Without an active run
         nothing happens.
@@ -306,7 +307,7 @@ class VirtualRig:
             raise RigError(f"{what}: a run is going on; stop it first")
 
     def _computed(self) -> Array:
-        """Simulate the run; return the samples of the chosen inputs [inputs, samples], in their units.
+        """Simulate the run, store `_slid`, and return the samples of the chosen inputs [inputs, samples].
         RigError if the simulation fails."""
         bench, rate = self.bench, OVERSAMPLING * self.bench.sample_rate
         updates = math.ceil(self._samples * bench.dac.update_rate / bench.sample_rate) + 1

@@ -30,7 +30,7 @@ class WatchedRig:
         sees: called with the next values of each channel [n] by name, in its unit. The samples in which
             filters settle are left out; while the start is awaited, n is 0. An error that it raises ends the
             run with a ramp to 0 V.
-        stopping: called without arguments when the ramp to 0 V has been requested.
+        stopping: called without arguments after the rig's method `stop` has returned.
     """
 
     def __init__(
@@ -74,8 +74,8 @@ class WatchedRig:
         return getattr(self._rig, "told", lambda runs: {})(runs)
 
     def load(self, volts: Array) -> None:
-        """Load the drive [n], V at the piezo, one value per update; it starts at its first value other
-        than 0 V."""
+        """Load the drive [n], V at the piezo, one value per update. Its first value other than 0 V counts as
+        its start."""
         can = self.capabilities
         moving = np.flatnonzero(volts)
         first = int(moving[0]) if moving.size else volts.size

@@ -2,8 +2,8 @@
 
 A message is the length of its head (4 bytes, little-endian), the head and an array of float64, little-endian.
 The head is a JSON object and gives the shape of the array as "shape". The head of a request names the request
-as "do". Every request has one answer. In the answer of a refused request, "error" is the message of the error
-and "kind" the name of its class.
+as "do". Every request has one answer, except that a wrong token only ends the connection. In the answer of a
+refused request, "error" is the message of the error and "kind" the name of its class.
 
 The requests::
 

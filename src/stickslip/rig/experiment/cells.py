@@ -31,7 +31,8 @@ MOST_CELLS = 10_000
 
 @dataclass(frozen=True)
 class Cell:
-    """Settings of one recording of an experiment, and `key`, a hash of these settings.
+    """Settings of one recording of an experiment, and `key`, a hash of the settings, the rig and the package
+    version.
 
     `name` is the name of the recording and its file, `run` the name of the run in the experiment file.
     `values` are the recording's values of the matrix, by axis. For a virtual rig, `seed` is the seed of the
@@ -204,8 +205,9 @@ def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str
 def limits_of(spec: LimitsSpec, actuator: Actuator) -> Limits:
     """Return the limits of an experiment file.
 
-    Voltages that the file does not give are those of the actuator, unless its range is unlimited (1 MV or
-    more). Positions may have a unit, m or rad. Raises QuantityError for a wrong value.
+    Voltages that the file does not give are those of the actuator, or the defaults of `Limits` if the
+    actuator's are unlimited (1 MV or more). Positions may have a unit, m or rad. Raises QuantityError for a
+    wrong value.
     """
     given = spec.given
     for name in {*given} & {"min_position", "max_position"}:

@@ -130,7 +130,7 @@ class ActuatorSpec(Strict):
 class LimitsSpec(fields_of(Limits)):
     """Limits of output and position, with the fields of `stickslip.rig.Limits`, all of them optional.
 
-    Voltages that are not given are those of the actuator.
+    Voltages that are not given are those of the actuator, see `cells.limits_of`.
     """
 
 

@@ -213,8 +213,8 @@ def rigs_of(file: ExperimentFile, virtual: Path, folder: Path) -> Path:
 class PlanningLaboratory:
     """Laboratory of an experiment file that only plans: it knows the capabilities but opens no rig to record.
 
-    A real rig is opened briefly for its capabilities, once in the lifetime of the program. Errors are those
-    of `open_laboratory`.
+    A real rig is opened briefly for its capabilities, once for each rig in the lifetime of the program.
+    Errors are those of `open_laboratory`.
     """
 
     _known: ClassVar[dict[str, Capabilities]] = {}

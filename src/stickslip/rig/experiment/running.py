@@ -1,4 +1,5 @@
-"""Execution of an experiment file: record every missing cell (recording), and save each one at its end."""
+"""Execution of an experiment file: read and check the file, record every missing cell (recording), and save
+each one at its end."""
 
 from __future__ import annotations
 
@@ -55,12 +56,14 @@ def run_experiment(
 
     The whole file is checked before the first output. Existing recordings of the same cells are kept, so that
     an interrupted experiment continues. Other files with the name of a recording are moved to `.bin` in the
-    folder, with a RecordingWarning.
+    folder, with a RecordingWarning. Recordings are also exported in the formats that the file lists. Samples
+    that a killed program left in the folder become recordings in unfinished/ (`samples.recover`).
 
     Args:
         path: the YAML file.
         out: the folder; created if it is missing.
-        progress: called with the current action and the fraction that is done, from 0 to 1.
+        progress: called with "checking" or the name of the present cell, and the fraction that is done, from
+            0 to 1; an error that it raises ends the run.
         each: called with every cell and its recording, including those that are kept, so that the files need
             not be read again.
         changes: changes to the file, texts "FIELD=VALUE" as for `load_yaml`.
@@ -229,7 +232,7 @@ def _recorded(
 def _make_room(out: Path, files: list[Path], log: _Log) -> None:
     """Move those of `files` that exist to the folder `.bin` of `out`, with a RecordingWarning and a log line.
 
-    They have the names of new files, but are not deleted, because they may be somebody else's data.
+    The old files have the names of new ones, but are not deleted: they may be somebody else's data.
     """
     moved = [str(to_bin(out, file.name)) for file in files if os.path.lexists(file)]
     if moved:

@@ -16,8 +16,8 @@ FLANK = 50e-6  # duration of a step's fast edge (slip), s; at high step rates a 
 CHUNK = 0.02  # duration of the steps that are simulated as one piece, s; at least one step
 _RAMP = 0.1  # longest duration of one piece of a ramp, s
 _POINTS = 8  # number of times on the slow edge of a step at which positions are computed
-# Computing time, s, after which a command stops to simulate pieces that are due. Their motion is delayed
-# then, and the answer to the command is not.
+# Computing time, s, after which a command no longer simulates further pieces that are due. Their motion is
+# then delayed, and the answer to the command is not.
 _SLOWEST = 0.1
 
 
@@ -137,7 +137,7 @@ def steps(
     Steps upwards rise slowly and fall within `FLANK`; steps downwards rise fast and fall slowly.
 
     Args:
-        stage: stage that plays the steps; a ramp of 10 ms from its present voltage to `base` comes first.
+        stage: stage that plays the steps; a ramp of 10 ms comes first if its voltage is not `base`.
         count: number of steps, negative for steps downwards; None for endless steps.
         amplitude: voltage of the sawtooth, V; it may be negative.
         frequency: step rate, steps/s; for endless steps a negative one means downwards.

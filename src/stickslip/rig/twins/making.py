@@ -41,7 +41,7 @@ def make_twin(
         clock: clock of the motions; by default the computer's.
 
     Raises:
-        QuantityError: the name, the number of axes or the travel is not possible.
+        QuantityError: the name, the number of axes, the travel or the actuator (see `Stage`) is not possible.
     """
     travel = to_si(travel, "m", "travel")
     make = registry.twins.find(name)

@@ -3,8 +3,9 @@ r"""A simulated stick-slip stage that plays its drive in pieces: the physics beh
 The state (stage, end-effector, bristle, hysteresis and creep of the piezo) continues from piece to piece.
 Steps therefore vary with the contact and with `irregularity`, a load makes them depend on the direction, and
 a constant voltage causes creep. During a long constant voltage, the stage creeps so slowly that the
-end-effector sticks to it. With the stage's displacement per voltage :math:`C`, both then move by
-:math:`\Delta x = \Delta y = C\,\Delta u_{piezo}`.
+end-effector sticks to it. With the stage's displacement per voltage :math:`C`, the end-effector x and the
+stage y then move by :math:`\Delta x = \Delta y = C\,\Delta u_{piezo}`, with the voltage :math:`u_{piezo}`
+after hysteresis and creep.
 """
 
 from __future__ import annotations
@@ -161,7 +162,7 @@ class Stage:
 
     def rest(self, seconds: float) -> None:
         """Simulate the present voltage for some seconds: decaying vibrations for `_SETTLED` s, then creep,
-        which the end-effector follows."""
+        which the end-effector follows, and relaxation of irregular slips."""
         settling = min(seconds, _SETTLED)
         if settling > 0.0:
             self.play(Piece(np.array([settling]), np.array([self.voltage]), np.array([settling])))

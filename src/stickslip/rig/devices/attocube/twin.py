@@ -90,8 +90,8 @@ class Module:
         """Change the mode of the output at the time `now` [s of the clock]. The present motion stops.
 
         The output then ramps to the offset in the modes "off", "stp+" and "stp-", in others to 0 V. The mode
-        "cap" starts a measurement of the capacitance, after which the axis is grounded. Raises ConsoleError
-        for a mode that is not in `_MODES`.
+        "cap" starts a measurement of the capacitance; the mode then becomes "gnd" at once. Raises
+        ConsoleError for a mode that is not in `_MODES`.
         """
         if mode not in _MODES:
             raise ConsoleError("Parameter out of range")
@@ -166,7 +166,7 @@ class Anc300:
             module.axis.stop()
 
     def execute(self, line: str) -> str:
-        """Execute one command line; return the text of the answer without the final OK, "" if there is none.
+        """Execute one command line; return the text of the answer without the final OK, "" for OK alone.
 
         Raises:
             ConsoleError: the command is refused.

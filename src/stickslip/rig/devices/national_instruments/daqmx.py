@@ -143,7 +143,8 @@ class DaqmxRig:
 
     def start(self) -> None:
         """Start the output, which waits for the sample clock of the inputs; then start the inputs and with
-        them the output. RigError before `load` and `arm`, or if the driver refuses."""
+        them the output. RigError before `load` and `arm`, for a drive of one value, or if the driver
+        refuses."""
         if self._volts.size < 2 or not self._samples:
             raise RigError(f"{self._device}: start needs a drive (load) and inputs (arm)")
         self._end()

@@ -15,8 +15,8 @@ _STOPPED = 10  # error number that GCS reports after each stop command, although
 
 
 class E871Client:
-    """Client of a PIShift stick-slip controller, with the methods of `Positioner`. Its axes are numbered
-    from 1.
+    """Client of a PIShift stick-slip controller, with the methods of `Positioner`. Its axes are those with a
+    number as name; axes with other names are left out.
 
     Args:
         host: address of the controller.

@@ -89,7 +89,7 @@ class GcsLine:
             raise RigError(f"{self.name}: {command}: error {said}, {words}")
 
     def ask(self, query: str) -> list[str]:
-        """Return the lines of the answer to a query, without spaces and line ends at their ends.
+        """Return the lines of the answer to a query, without spaces and line ends after them.
 
         The query is a text, or one control character such as chr(5).
 

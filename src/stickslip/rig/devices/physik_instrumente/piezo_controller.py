@@ -36,8 +36,8 @@ class PiRig:
         interval: time between updates of the output and between samples, s; a multiple of the servo's cycle
             time.
         points: greatest number of values of a wave table and of a record, from the controller's manual.
-        ramp: slew rate of the ramp to 0 V that ends each drive, V/s. Opening also starts with such a ramp,
-            because a killed program leaves its last voltage.
+        ramp: slew rate of the ramp to 0 V that ends each drive, V/s. Opening also switches the servo off and
+            makes such a ramp, because a killed program leaves its last voltage.
         port: TCP port.
         timeout: longest wait for each answer, s.
 
@@ -204,7 +204,8 @@ class PiRig:
                 check_followed(self._line.name, values, held(self._volts, values.size))
 
     def stop(self, slew: float) -> None:
-        """Stop the wave generator and reduce the voltage to 0 V in steps, at `slew` [V/s] on average.
+        """Stop the wave generator and reduce the voltage to 0 V in steps, at `slew` [V/s] on average. If the
+        wave table ends sooner, its end is awaited first.
 
         Raises:
             RigError: the controller did not answer as expected; 0 V was then commanded at once, unchecked.

@@ -52,7 +52,8 @@ class Nv200Rig:
             leaves its last voltage.
         timeout: longest wait for each answer, s.
 
-    Inputs are "drive", the voltage at the piezo, and "position", the reading of the sensor.
+    Inputs are "drive", the voltage at the piezo, and "position", the reading of the sensor. Opening switches
+    generator, closed loop and filters off.
 
     Raises:
         RigError: nobody answers there, or the device is another one.
@@ -215,7 +216,7 @@ class Nv200Rig:
         """Ramp to 0 V at `slew` [V/s], by the slew-rate limit of the device, and remove the limit afterwards.
 
         The device allows limits up to 2000 % of its voltage range per ms. The method waits as long as a ramp
-        over the whole range would last, 10 s at most.
+        from the largest voltage of the range would last, 10 s at most.
 
         Raises:
             RigError: the commands could not be sent, also on a new connection; the output may keep its

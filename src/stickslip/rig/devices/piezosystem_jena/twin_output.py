@@ -21,8 +21,8 @@ _LOOP = 100  # number of ticks between two updates of the closed loop (5 ms)
 class Recorder:
     """Recorder of two channels with the sampling interval `interval` [s].
 
-    `sources` are the numbers of the two recorded quantities in the device's protocol: 0 the position, 2 the
-    voltage. The first sample is taken at the start of the next simulated piece of drive.
+    `sources` are the numbers of the two recorded quantities in the device's protocol, such as 0 (position)
+    and 2 (voltage). The first sample is taken at the start of the next simulated piece of drive.
     """
 
     def __init__(self) -> None:

@@ -205,7 +205,8 @@ class RedPitayaRig:
         return np.array(rows)
 
     def stop(self, slew: float) -> None:
-        """Reduce the amplitude to 0 V at `slew` [V/s at the piezo], then switch the output off.
+        """Reduce the amplitude to 0 V at `slew` [V/s at the piezo], or await the end of the table if that is
+        sooner; then switch the output off.
 
         The output is switched off even if reducing the amplitude fails.
         """

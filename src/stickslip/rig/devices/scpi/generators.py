@@ -122,7 +122,7 @@ GENERATORS = (KEYSIGHT_33500, RIGOL_DG1000Z)
 
 
 class Generator:
-    """One output of a function generator, which is switched off first; `table` has its family's commands.
+    """One output of a function generator; opening switches it off. `table` has the commands of the family.
 
     Args:
         where: "HOST", "HOST:PORT" or a VISA resource, as for `ScpiInstrument`.

@@ -288,7 +288,7 @@ class Oscilloscope:
         self.link.do(self.table.stop)
 
     def read(self, channel: int, times: Array) -> Array:
-        """Return the voltages [n], V, of a channel at n equidistant times, s from the trigger.
+        """Return the voltages [n], V, of a channel at n equidistant, increasing times, s from the trigger.
 
         The samples of the instrument are interpolated linearly.
 

@@ -207,8 +207,8 @@ class PairRig:
         return np.array(rows)
 
     def stop(self, slew: float) -> None:
-        """Reduce the amplitude to 0 V at `slew` [V/s at the piezo], then switch the output off and stop the
-        oscilloscope.
+        """Reduce the amplitude to 0 V at `slew` [V/s at the piezo], or await the end of the table if that is
+        sooner. Then switch the output off and stop the oscilloscope.
 
         The output is switched off even if reducing the amplitude fails.
         """

@@ -81,7 +81,7 @@ class GeneratorTwin(ScpiDevice):
 
         Args:
             given: suffix of the header, name of the waveform, then the numbers.
-            block: the binary block, empty if there is none.
+            block: the binary block, or empty.
 
         Raises:
             ScpiError: the table has fewer than 8 or more than 1,000,000 values, or a value is out of range.

@@ -199,7 +199,7 @@ class Mcs2Channel:
         self.flags &= ~_CLOSED
 
     def _nearer(self, error: float, gain: float) -> Iterator[Piece]:
-        """Yield some steps that reduce `error` (target minus measured position, m), up to the setting VEL.
+        """Yield some steps that reduce `error` (target minus measured position, m), at most at the speed VEL.
 
         Close to the target a ramp to half the full voltage follows, so that the piezo can move both ways.
         `gain` is the stage's displacement per voltage, m/V.
@@ -255,7 +255,8 @@ class Mcs2:
         return LineSession(self)
 
     def leave(self) -> None:
-        """Stop closed-loop holds without a time limit when the connection ends. Other motions continue."""
+        """Stop closed-loop motions with an unlimited hold (HOLD < 0) when the connection ends. Others
+        continue."""
         for channel in self.channels:
             if channel.axis.forever:
                 channel.axis.stop()
