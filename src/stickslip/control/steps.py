@@ -109,7 +109,7 @@ class StepSizes(NamedTuple):
         """Return the step sizes of a model's periodic walks behind an output stage.
 
         At a voltage with a smaller step than a lower voltage, or without a steady walk, the size is that at
-        the lower voltage (0 if there is none). The model's voltage limits are ignored.
+        the lower voltage (at the lowest voltage: 0). The model's voltage limits are ignored.
 
         Args:
             model: the actuator.

@@ -27,7 +27,7 @@ def library() -> Any:
     """Return the engine, opened as a library.
 
     Raises:
-        EngineMissingError: it was not built, or it does not fit this machine.
+        EngineMissingError: it was not built, does not fit this machine, or was built from other sources.
     """
     what_to_do = "Install stickslip again, on a machine with a C compiler; in a checkout, run `make engine`"
     try:

@@ -36,7 +36,7 @@ def follow_position(
         proportional: True: deflections stay when the normal force rises, and the force changes in proportion.
             False: newly loaded area carries no force, so that deflections fall.
         samples: [n, 1 + elements] (at least two columns), filled with force (N) and states; at a sample, the
-            force is that of the interval that ends there.
+            force is that of the interval that ends there (at the first: that starts there).
 
     Returns:
         Number of samples reached: n, or fewer where the law could not be followed.
@@ -64,8 +64,8 @@ def follow_position(
 
 
 def forces_at(law: Any, velocity: Array, states: Array, force: Array) -> None:
-    """Compute the force of a law [N] at given velocities [n], m/s, and states [n, elements] (at least one
-    column), m. The result is written into `force` [n].
+    """Compute the force of a law [N] at given velocities [n], m/s, and states [n, elements], m (a static law
+    has one column, the direction of sliding, 1 or -1). The result is written into `force` [n].
 
     `follow_position` instead gives the force of the interval before each sample, whose velocity is half an
     interval late. In a fit, this delay would act like damping.

@@ -13,7 +13,8 @@ from .members import ComposedMembers, Integers, MemberDrives, check_fit, integer
 
 
 class Orbits(NamedTuple):
-    """Periodic motions of members; arrays [members]. For a rotary actuator, m is rad.
+    """Periodic motions of members; arrays [members], which are NaN (`periods`: 0) for members that were left
+    out. For a rotary actuator, m is rad.
 
     Attributes:
         outcomes: outcome of each member, see `engine.outcome`.

@@ -19,8 +19,8 @@ def largest(plant: Any) -> dict[str, int]:
 
 
 def sizes(plant: Any, suffix: str) -> dict[str, str]:
-    """Return macros, value by name, that tell the C compiler what all plants of one layout have in common, so
-    that it can unroll loops and omit conditions.
+    """Return macros, value by name, with the properties that all plants of one layout have in common, so that
+    the C compiler can unroll loops and omit conditions.
 
     Args:
         plant: one plant with this layout.

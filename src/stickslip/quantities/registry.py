@@ -154,7 +154,7 @@ class Kind:
         return {**said, f"{self.noun}_of": place} if place else said
 
     def of_results(self, said: Any) -> Any:
-        """Return the object that results name; no user's file is run.
+        """Return the object that results name, or the only one of that name elsewhere; run no user's file.
 
         Args:
             said: mapping that contains the items which `written` returned.

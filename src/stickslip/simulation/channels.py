@@ -82,7 +82,7 @@ def energy_account(
     reaction of the friction on the stage, the contact's work on the stage does not appear in the balance.
 
     Args:
-        model: actuator whose stage has one mode.
+        model: actuator whose stage has one mode, without a `MaxwellCapacitor`.
         samples: [times, columns], see `models.classic`.
         work: [times, 4], integrals of power over time, see `engine.binding.TERMS`.
         start: [columns], sample at which the account starts.

@@ -71,7 +71,7 @@ def electrical_demand(
     output: OutputStage | None = None,
 ) -> dict[str, Array]:
     """Return peak_current and rms_current [A], energy_per_step [J], heat [W] and temperature_rise [K] by
-    name, an array [members] each; NaN for members with invalid fields.
+    name, an array [members] each; NaN for members with fields that the waveform or the output stage refuses.
 
     Args:
         waveform: the common drive, V.

@@ -121,7 +121,8 @@ def tables(
 def checked_drive(
     model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool, tolerance: float
 ) -> Drive:
-    """Return the segment table of a waveform after the model's piezo; a short table covers two periods.
+    """Return the segment table of a waveform after the model's piezo. Unless `periodic`, a table shorter than
+    two periods is extended to two, if it has at most `LONGEST_CYCLE` segments.
 
     Args:
         model: actuator, driven by a voltage, or pulled slider, driven by a position.

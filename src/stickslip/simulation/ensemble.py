@@ -59,8 +59,9 @@ class Block(NamedTuple):
     """Results of one block of members, one entry per member.
 
     Fields: `status`, code (key of `OUTCOMES`); `reached`, time reached [s]; `steps`, integration steps tried;
-    `net`, net displacement, and `error`, its estimated error (or that of the positions), m or rad;
-    `positions` [members, times] of the end-effector, m or rad; `reasons` of failures ("" if complete).
+    `net`, net displacement (NaN: refused), and `error`, its estimated error, or with samples that of the
+    positions (NaN: unknown), m or rad; `positions` [members, times] of the end-effector, m or rad; `reasons`
+    of failures ("" if complete).
     """
 
     status: NDArray[np.int8]
@@ -115,10 +116,11 @@ def simulate_ensemble(
         progress: function that is called after each block with "simulating" and the finished fraction.
 
     Returns:
-        Dataset over "member" with the parameters, net_displacement (m, up to the time reached), status (0
-        complete; see its flag_meanings), error_estimate (m, see `simulate`), time_reached (s), steps, reason
-        (empty where complete), and end_effector_position over "member" and "time" if samples were requested.
-        A failing member does not affect the others.
+        Dataset over "member" with the parameters, net_displacement (m, up to the time reached; NaN if the
+        member is refused), status (0 complete; see its flag_meanings), error_estimate (m, see `simulate`),
+        time_reached (s), steps, reason (empty where complete), and end_effector_position over "member" and
+        "time" if samples were requested. A failing member does not affect the others. A `SimulationWarning`
+        counts complete members that are not shown to be within the tolerance.
 
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `simulate`.

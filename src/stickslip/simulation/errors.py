@@ -10,12 +10,13 @@ class SimulationError(RuntimeError):
 
 
 class SimulationWarning(UserWarning):
-    """Warning: a simulation ended early or is less accurate than requested; the message gives the reason."""
+    """Warning: a simulation ended early, is less accurate than requested, or was done in another way than
+    requested (without the GPU, with another past of the piezo); the message gives the reason."""
 
 
 class NotPeriodicError(SimulationError):
-    """Error: no stable periodic motion was found. The attribute `orbit` is the last iterate of the search, or
-    the unstable orbit."""
+    """Error: no stable periodic motion was found, or this motion has no derivatives. The attribute `orbit` is
+    the last iterate of the search, the unstable orbit, or the orbit without derivatives."""
 
     def __init__(self, message: str, orbit: Orbit) -> None:
         super().__init__(message)

@@ -142,7 +142,7 @@ def waveform_columns(waveform: Waveform, columns: Columns) -> dict[str, NDArray[
 def in_blocks(
     work: Callable[[dict[str, NDArray[np.float64]]], T], columns: Columns, size: int, threads: int | None
 ) -> Iterator[tuple[int, T]]:
-    """Yield the index of each block's first member, and `work` of its columns; `threads` run in parallel."""
+    """Yield each block's first member (index) and the result of `work` for its columns, called in threads."""
     count = next(iter(columns.values())).size
     threads = (os.cpu_count() or 1) if threads is None else whole(threads, "threads", 1, 4096)
     # With few members, blocks are smaller than `size`, so that all threads have work.

@@ -39,8 +39,9 @@ def friction_response(
     """Return the force of a friction law under a prescribed motion (a tribometer).
 
     Position and normal force are linear between the samples; at a sample, the force is that of the interval
-    which ends there. At rest, a static law keeps the force that it had when the motion stopped, up to its
-    stiction. With `reference_normal_force` = 1 N the law's forces are per newton: its Coulomb force is mu.
+    which ends there (at the first one, of the interval which starts there). At rest, a static law keeps the
+    force that it had when the motion stopped, up to its stiction. With `reference_normal_force` = 1 N the
+    law's forces are per newton: its Coulomb force is mu.
 
     Args:
         law: friction law record; its forces hold at `reference_normal_force`.

@@ -39,10 +39,12 @@ def steady_orbit(
             drive or an integer fraction of it.
 
     With creep, or hysteresis of Duhem's form, the drive of the stage is only approximated by its table. The
-    orbit is then computed a second time with a finer table; the change is added to its error.
+    orbit is then computed a second time with a finer table; the change is added to its error. If no orbit is
+    found, the last iterate is returned, with `converged` False; an unstable orbit is returned as well.
 
     Raises:
-        QuantityError: the waveform has no period, the load another one, or see `simulate`.
+        QuantityError: the waveform has no period, the load another one, the end-effector is clamped, its
+            normal force changes along the stroke, or see `simulate`.
         SimulationError: the motion could not be simulated over one period.
     """
     tolerance, period = checked_tolerance(model, tolerance), period_of(waveform)

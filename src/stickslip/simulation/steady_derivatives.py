@@ -64,8 +64,11 @@ def steady_step_derivatives(
     parameter.
 
     Raises:
-        QuantityError, NotPeriodicError: see `steady_step` and `sensitivities`; NotPeriodicError also where
-            an element never slips within a period, and so keeps its initial state.
+        QuantityError: see `steady_step` and `sensitivities`; a name of the initial state, or a frequency or
+            period under a varying load.
+        SimulationError: the motion could not be simulated over one period.
+        NotPeriodicError: an element never slips within a period, and so keeps its initial state. Unlike
+            `steady_step`, this function does not check that the orbit was found and is stable.
     """
     tolerance = checked_tolerance(model, tolerance)
     parameters = checked_names(parameters)

@@ -114,9 +114,9 @@ def steady_steps(
         progress: function that is called after each block with the activity and the finished fraction.
 
     Returns:
-        Dataset over "member" with the parameters, net_step (m per period; NaN if not found), error_estimate
-        (m), largest_multiplier (growth factor of a small disturbance per period), periods (number
-        integrated), status (0 converged; see its flag_meanings) and reason (empty where converged).
+        Dataset over "member" with the parameters, net_step (m per period) and its error_estimate (m), NaN
+        unless converged, largest_multiplier (growth factor of a small disturbance per period), periods
+        (number integrated), status (0 converged; see its flag_meanings) and reason (empty where converged).
 
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `steady_orbit`.

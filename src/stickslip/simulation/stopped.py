@@ -136,7 +136,7 @@ class StoppedRun:
         self.impacts: list[Impact] = []
 
     def follow(self, q: Array, span: tuple[float, float], times: Array, samples: Array) -> Stopped:
-        """Integrate from a state between the stops, through all impacts.
+        """Integrate from a state between the stops, through all impacts; return a `Stopped`.
 
         Args:
             q: state [states] at the start, replaced by the state at the time reached.

@@ -48,7 +48,8 @@ class Motion:
         time: time since the start, s.
 
     Raises:
-        QuantityError: a piezo model whose state is not supported here (`MaxwellCapacitor`, a user's model).
+        QuantityError: the piezo has another hysteresis than `PrandtlIshlinskii`, or another creep than
+            `Creep`, whose state is not supported here; or an argument is wrong.
     """
 
     def __init__(

@@ -161,7 +161,8 @@ def simulate_together(
     Args:
         actuators: at least two, with the same end-effector mass and external force.
         waveforms: V, one per actuator; linear between their breaks (`PeriodicKnots`, sawteeth, `Sampled`).
-        duration, sample_rate, times, tolerance: see `simulate`.
+        duration, sample_rate, times, tolerance: see `simulate`; the default duration is that of the first
+            waveform.
 
     Returns:
         Dataset over "time" (s) with end_effector_position (m) and end_effector_velocity (m/s), and over
@@ -169,7 +170,8 @@ def simulate_together(
         drive_voltage (V). attrs["error_estimate"]: m. A `SimulationWarning` if it exceeds the tolerance.
 
     Raises:
-        QuantityError: an actuator that cannot be joined, or a waveform that is not linear between its breaks.
+        QuantityError: an actuator that cannot be joined, another number of waveforms, a waveform that is not
+            linear between its breaks, or see `simulate`.
         SimulationError: the motion could not be followed to its end.
     """
     of = joined(actuators)

@@ -79,7 +79,7 @@ def simulate(
             creep; if it is larger, both are refined.
         load: normal force relative to the reference at which the friction parameters hold: a number, or a
             waveform.
-        energy: add the energy account (actuators of one mode, no two-port): `drive_work`, `friction_work`,
+        energy: add the energy account (one mode, no `MaxwellCapacitor`): `drive_work`, `friction_work`,
             `stage_dissipation`, `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`,
             which is 0 for an exact solution.
         stack: piezo stack that the drive charges: adds `current`, `charge`, `reactive_power` (into the
@@ -106,8 +106,8 @@ def simulate(
 
     Raises:
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate;
-            a stack under a drive that jumps, or together with a piezo model that has its own charge.
-        SimulationError: not even two samples could be computed.
+            a stack, end stops or an energy account that model or drive do not allow.
+        SimulationError, TypeError: not even two samples could be computed; wrong type of model or drive.
     """
     tolerance = checked_tolerance(model, tolerance)
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")

@@ -56,7 +56,10 @@ def repeat(
         frequency: number of periods per second, Hz.
         periods: number of periods; None: without end.
         rest: value before t = 0 and after the last period.
-        duration: end of the table, s, finite; later segments are left out.
+        duration: end of the table, s; later segments are left out.
+
+    Raises:
+        QuantityError: the duration is infinite, or contains more than `MOST_PERIODS` periods.
     """
     one = _table(rest, pieces)
     # The starts are (k + fraction)/f for period k and the frequency f: rounding errors do not accumulate over
@@ -73,7 +76,10 @@ def repeat_table(one: Drive, period: float, periods: float | None, duration: flo
         one: table of one period, with starts in s; its `before` is the value at rest.
         period: s.
         periods: number of periods; None: without end.
-        duration: end of the table, s, finite; later segments are left out.
+        duration: end of the table, s; later segments are left out.
+
+    Raises:
+        QuantityError: as for `repeat`.
     """
     start = np.arange(_begun(duration, period, periods))[:, None] * period + one.start
     # The starts k T + t, for period k of length T, are rounded twice. They are made earlier by two units in

@@ -99,7 +99,8 @@ def _rows(body: FunctionBody, node: ast.expr) -> tuple[int, Callable[[Value], Va
     that gets the C counter, as a value, and returns the value of the iteration.
 
     Raises:
-        TranslationError: `node` is another expression, or has tuples of different lengths.
+        TranslationError: `node` is another expression, or a strict `zip` of tuples of different lengths;
+            another `zip` ends with the shortest tuple.
     """
     function = _called(body, node)
     if function is zip or function is enumerate:

@@ -42,6 +42,9 @@ def at_piezo(
         precision: largest error, V: half from the hysteresis, half from the creep.
         period: period of a drive that repeats, s; None if it does not.
         settled: return one period in the steady state, after many periods; `end` is then the period.
+
+    Raises:
+        QuantityError: see `duhem_drive`, `splitting.through` and `creeping`.
     """
     made = drive
     if isinstance(piezo.hysteresis, MaxwellCapacitor):

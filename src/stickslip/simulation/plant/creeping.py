@@ -80,7 +80,8 @@ def creeping(of: Creep, drive: Drive, end: float, terms: Array, precision: float
         precision: largest error, V.
 
     Raises:
-        QuantityError: the drive is a chirp, whose creep has no closed form.
+        QuantityError: the drive is a chirp, whose creep has no closed form; or more pieces are needed than
+            `cubics.MOST_PIECES`.
     """
     if np.any(drive.harmonic[:, 3]):
         raise QuantityError("a piezo with creep cannot follow a Chirp: give its samples (Sampled) instead")
