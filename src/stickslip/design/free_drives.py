@@ -36,7 +36,8 @@ SAMPLES = 10.0
 @record
 class FreeDrives(NamedTuple):
     """Options of an optimised drive among the candidates of a plan: `knots`, number of voltages within a
-    period; and `trials`, number of drives that the search computes. Both are whole numbers."""
+    period; and `trials`, approximate number of drives that the search computes, fewer if the search
+    converges. Both are whole numbers."""
 
     knots: Annotated[float, Quantity("", "n", "values within a period", minimum=3, maximum=32)] = 6
     trials: Annotated[float, Quantity("", "", "drives that are tried", minimum=16, maximum=100_000)] = 320

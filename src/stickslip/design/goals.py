@@ -1,4 +1,4 @@
-"""Goals of a drive signal as records; each gives one number per signal and condition.
+"""Goals of a drive signal as records, each with one number per signal and condition; their choice by name.
 
 The method `of(shapes, moved)` of a goal returns these numbers [n, conditions], SI, for n polygons of the
 voltage and their periodic motions. `sign` is +1 if the number is to be maximised and -1 if it is to be

@@ -28,7 +28,7 @@ Index = NDArray[np.int64]
 Merits = Callable[[Array, Index], Array]
 
 # SCOUTS: share of the budget (number of candidates) for one round of random candidates. FOR_HILL: share of
-# the budget for these and for differential evolution together.
+# the budget for one such round and for differential evolution together.
 # POPULATION, OF_BUDGET: largest population of differential evolution, as a number and as a share of the
 # budget. GENERATION: number of candidates in a generation of CMA-ES.
 SCOUTS, FOR_HILL = 0.125, 0.5
@@ -233,8 +233,8 @@ def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
     """Return the ascending indices of the conditions by which candidates are judged next.
 
     They are the previous ones, those in which the best candidate has the lowest merits, and those in which
-    its merits are farthest below the baseline. For a quantile, they are conditions of all ranks instead of
-    the worst.
+    its merits are farthest below the baseline. For a quantile, conditions of all ranks are chosen once,
+    instead of those with the lowest merits.
 
     Args:
         merits: merits of the best candidate in all conditions, [conditions].
@@ -262,7 +262,7 @@ def evolved(task: Task, initial: Array, spread: float, active: Index, budget: in
         initial: initial guess [coordinates from 0 to 1].
         spread: initial standard deviation of the coordinates.
         active: indices of the conditions by which candidates are judged.
-        budget: number of candidates.
+        budget: number of candidates, rounded up to whole generations; fewer if the search converges.
     """
     run = _evolution(task, initial, spread)
     best, tried = (float(task.judge.score(task.merits(initial[None], active), active)[0]), initial), 1

@@ -1,4 +1,4 @@
-r"""The systems that are simulated, as records that load from parameter sets: actuator, and pulled slider.
+r"""Records of the simulated systems, actuator and pulled slider, and their loading from parameter sets.
 
 The stage, whose spring is the piezo, is at y, and the end-effector on the stage at x_e, both along +x; the
 other symbols are those of the fields of `Actuator` [kang2007, eq. 3.16-3.25]:

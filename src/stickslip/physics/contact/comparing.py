@@ -115,7 +115,7 @@ def compare_contacts(
             0 (``"normal_force": ["1 N", "2 N", "4 N"]``), or names (``"surface": ["lapped", "ground",
             "ground"]``), of which the first is the reference. Conditions with equal values are ignored.
         parameters: names of the parameters to compare; by default, all positive ones that every fit has.
-            Fits without a standard error of a parameter are left out for this parameter.
+            Fits without a standard error of a parameter, or with a value <= 0, are left out for it.
 
     Returns:
         The comparison; its `report` is a text.

@@ -112,6 +112,8 @@ def of_backbone(displacement: ArrayLike, force: ArrayLike) -> MaxwellSlip:
 def in_series(law: MaxwellSlip, stiffness: float | str) -> MaxwellSlip:
     """Return the Maxwell slip law of a contact in series with a spring [N/m] (a holder, a guide).
 
+    Stiffness and strength of the elements of `law` are used; its viscous friction and stiction are dropped.
+
     Raises:
         QuantityError: the stiffness is not positive.
     """

@@ -1,8 +1,8 @@
 r"""Electrical quantities of a piezo stack during a run: current, charge, power and temperature.
 
-Between two points the voltage is linear, so the current is constant, and every sum is exact. Capacitance and
-loss may grow with the temperature ϑ, by the factor c = 1 + α (ϑ - ϑ_0). Between two points the loss P at the
-reference temperature ϑ_0 is constant, and the heat balance
+Between two points the voltage is linear, so at constant capacitance the current is constant, and every sum is
+exact. Capacitance and loss may grow with the temperature ϑ, by the factor c = 1 + α (ϑ - ϑ_0). Between two
+points the loss P at the reference temperature ϑ_0 is constant, and the heat balance
 
 .. math:: C_\vartheta \dot\vartheta = c(\vartheta)\, P - \frac{\vartheta - \vartheta_a}{R_\vartheta}
 

@@ -2,8 +2,8 @@
 limited time.
 
 Between two breaks the target is linear, and the output is linear (at the limit) or the sum of a line and an
-exponential. Both have closed forms, and so have the times at which one becomes the other; so there is no time
-step and no accumulating error.
+exponential. Both have closed forms, and so have the times at which one becomes the other; the time from which
+the steady current limits is found by bisection if necessary. So there is no accumulating error of time steps.
 """
 
 from __future__ import annotations
