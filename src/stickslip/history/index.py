@@ -76,7 +76,7 @@ class Index:
         """Return the rows of the index that match a search, the newest first, each as a dictionary of values
         by column (see `runs`), with `settings` and `links` as JSON texts or "". Renamed runs have their
         present names in the links, and the link "prediction" comes from the log of actions. A damaged table
-        is made again.
+        is made again. Samples that killed programs left in the folder are first saved as recordings.
 
         Args:
             search: words that must all occur in the texts of a row; upper and lower case are the same.

@@ -58,8 +58,8 @@ def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
     An existing file is replaced as a whole.
 
     Raises:
-        FitError: the fit contains an object that is not from the package (except a registered friction law),
-            or the file would be too large to read.
+        FitError: the fit contains an object that is no record (such as a user's function), or the file would
+            be too large to read. Records of types that `load_fit` does not know raise no error here.
     """
     law = getattr(fit.model, "friction", fit.model)
     said = registry.laws.written(type(law)) if is_law(law) else {}

@@ -47,7 +47,7 @@ INERTIAL = 2.0
 QUICKER, SURE = 0.02, 3.0
 # Smallest number of events in the used, stationary part of a simulation, and as many before this part.
 _EVENTS = 12
-# Fewest events from which their scatter is estimated.
+# Fewest times between events from which the scatter of events is estimated.
 _LEAST = 10
 # Number of simulated events with random noise that estimate the shift of the means by noise, in multiples of
 # the recorded events.

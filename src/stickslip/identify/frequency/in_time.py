@@ -36,7 +36,7 @@ def held_response(
     outputs, ...).
 
     Args:
-        model: modes, gains and delay.
+        model: modes, gains and a delay that is not negative (unless `periodic`).
         drive: V, shape (samples, inputs, ...).
         sample_rate: Hz.
         periodic: True: the drive is one period of a steady state; False: the motion starts at rest.

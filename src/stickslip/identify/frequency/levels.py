@@ -43,8 +43,8 @@ Array = NDArray[np.float64]
 # gave 0.41 to 0.60; an exponent of 1 predicts the outer levels worse.
 TWO_LEVELS_EXPONENT = 0.5
 LEAST_EXPONENT, MOST_EXPONENT = -3.0, 4.0  # range of the exponent p of the amplitude law
-# Largest slope of a natural frequency or damping ratio: its relative change per relative change of the
-# amplitude.
+# Largest slope of a natural frequency or damping ratio that is searched first: its relative change per
+# relative change of the amplitude.
 STEEPEST = 1.0
 # Shifts of all natural frequencies between two neighbouring levels that are tried, as natural logarithms of
 # the frequency ratio. Their spacing of 0.5 % is half the usual relative width of a mode.

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 ZONES = 8
 # Time after a step at which creep starts, s, as in data sheets ("per decade of time after 0.1 s").
 CREEP_BEGINS = 0.1
-# Smallest motion of the drive that counts as a reversal, relative to its range.
+# Smallest motion of the drive that counts as a reversal, relative to its range or its largest motion.
 TURNED = 0.05
 # SAME: largest difference between two equal periods of a drive, relative to its range. FEWEST_IN_PERIOD:
 # fewest samples in a period.

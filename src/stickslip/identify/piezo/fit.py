@@ -98,8 +98,8 @@ def identify_piezo(
         asymmetric: include B(u), and possibly a; by default chosen by cross-validation.
         creep: include creep; by default chosen by cross-validation.
         time_constants: time constants of creep, s, with equal shares; by default two per decade from 0.1 s.
-        delay: delay of the voltage at the piezo, s; by default from edges.
-        lag: time constant of amplifier, capacitance and sensor, s; by default from edges.
+        delay: delay of the voltage at the piezo, s; by default from edges, or 0 if `lag` is given.
+        lag: time constant of amplifier and sensor, s; by default from edges, or 0 if `delay` is given.
         rest_voltage: voltage before each recording, V, reached from 0 V; by default estimated.
         observed: name of the position channel.
 

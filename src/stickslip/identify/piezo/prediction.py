@@ -37,7 +37,7 @@ class PiezoPrediction(NamedTuple):
 
     Fields: `piezo`, the hysteresis and creep; static `gain` [m/V]; `offset`, the sensor's reading at 0 V
     before any drive, m; `delay` and `lag` of the voltage [s]; `low` and `high`, the range of the fitted
-    drives, V; and `observed`, the name of the position channel.
+    drives and of the rests before them, V; and `observed`, the name of the position channel.
     """
 
     piezo: Piezo

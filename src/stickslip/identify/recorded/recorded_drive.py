@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 # LEAST_JUMP or LEAST_KINK of the drive's range.
 ABOVE, AROUND = 8.0, 21
 LEAST_JUMP, LEAST_KINK = 1e-2, 1e-4
-# Largest change in the intervals beside a jump, in usual changes. A larger change belongs to a flank over
-# several intervals.
+# Largest change in the intervals beside a jump, in usual changes (or a tenth of the smallest jump, if
+# larger). A larger change belongs to a flank over several intervals.
 ALONE = 3.0
 # Largest number of samples on either side of a jump through which a line is fitted.
 BESIDE = 5

@@ -73,7 +73,7 @@ class Displacement:
 
     def beginning(self, samples: int, tolerance: float, max_steps: int) -> Displacement:
         """Return a copy for only the first `samples` samples, with another tolerance, m (rad), and another
-        largest number of integration steps."""
+        largest number of integration steps (`max_steps`, and those for the drive's segments)."""
         short = copy.copy(self)
         short.time, short.tolerance = self.time[:samples], tolerance
         short.max_steps = max_steps + OF_SEGMENT * int(np.count_nonzero(self.drive.start < short.time[-1]))

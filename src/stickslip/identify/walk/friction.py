@@ -139,9 +139,10 @@ def identify_friction(
             other local minimum; the reaction on the stage is then not tested.
         seed: seed of the further initial guesses.
         tolerance: error tolerance of the simulated position, m (rad); by default 1e-10 for a law of one
-            internal state, whose derivatives are those of `sensitivities`. For other laws the derivatives are
-            differences over 0.05 % of a parameter. The tolerance must be far below their effect (for a weakly
-            determined parameter some pm in steps of micrometres), so the default is 1e-12.
+            internal state without jumps, on a dynamic stage, whose derivatives are those of `sensitivities`.
+            For other models the derivatives are differences over 0.05 % of a parameter. The tolerance must be
+            far below their effect (for a weakly determined parameter some pm in steps of micrometres), so the
+            default is 1e-12.
         correlated: True: the uncertainty allows for any residuals correlated in time. By default, if the
             noise is not given, it allows for noise that is correlated over some samples and for a random walk
             (a sensor's drift), as far as the residuals show them (see `coloured`).

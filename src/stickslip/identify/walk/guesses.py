@@ -17,7 +17,7 @@ from .several import from_points
 from .walks import Varied, Walks, observed, slopes_of
 
 # Simulations for initial guesses: their error tolerance relative to the stroke (GUESS_TOLERANCE), and their
-# largest number of integration steps (GUESS_STEPS).
+# largest number of integration steps besides those for the drive's segments (GUESS_STEPS).
 GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
 # Number of parts into which the range of forces, and that of deflections, is divided if the fit does not
 # explain its recordings; a search starts in each pair of parts.
