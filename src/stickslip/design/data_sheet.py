@@ -78,8 +78,9 @@ class DataSheet(NamedTuple):
     def _relations(self) -> Iterator[tuple[str, float, int]]:
         """Yield a tuple for each relation of physics between numbers of the sheet that are all known.
 
-        The tuple is: the contradiction in words; the factor by which the relation is violated (at most 1 if
-        it is satisfied); and the count of numbers in it. The relations compare step, speed, forces,
+        The tuple is: the contradiction in words; the factor by which the relation is violated (for an
+        inequality, at most 1 if it is satisfied; for an equation, the larger side over the smaller); and the
+        count of numbers in the relation. The relations compare step, stroke, travel, speed, forces,
         stiffness, current and energy.
         """
         of = self.numbers

@@ -77,8 +77,8 @@ class SheetModel:
 
     @property
     def determined(self) -> tuple[str, ...]:
-        """Return the names of the parameters that the sheet prints or determines: their interval is narrower
-        than half the expected one (`width` in `dataset` below 0.5)."""
+        """Return the names of the parameters that the sheet prints, or determines otherwise: the interval is
+        narrower than half the expected one (`width` in `dataset` below 0.5)."""
         of = self.dataset
         printed = of["reason"].values == SHEET
         return tuple(of["parameter"].values[printed | (of["width"].values < TOLD)].tolist())

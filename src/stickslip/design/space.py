@@ -27,7 +27,8 @@ class DesignSpace(NamedTuple):
     """Free parameters of an actuator `model`: their `names` and ranges, `low` to `high` [names], SI.
 
     "load" is the normal force relative to its reference. If "stage_stiffness" or "stage_mass" is free, the
-    natural frequency of the stage follows from stiffness and mass, unless "natural_frequency" is free too.
+    natural frequency of the stage follows from stiffness and mass, unless "natural_frequency" is free beside
+    the mass or the stage is static. "stage_stiffness" and "natural_frequency" are not free together.
     """
 
     model: Actuator

@@ -48,7 +48,7 @@ class ParameterSetError(QuantityError):
 class SetEntry(NamedTuple):
     """One `value` of a parameter set, in `unit`, as written in its table, with its `symbol` and `source`.
 
-    `assumed` is True if no source states the value; then there is a `reason`. A missing text is "".
+    `assumed` marks a value that no source states, with a `reason`; `note` is a remark. A missing text is "".
     """
 
     value: float | bool | list[float]

@@ -361,7 +361,7 @@ _KINDS: dict[type, str] = {Actuator: "actuator", PulledSlider: "pulled_slider"}
 
 def load_actuator(name: str | os.PathLike[str]) -> Actuator:
     """Return the actuator of a parameter set: ``load_actuator("kang2007")``, or of a user's own file, by its
-    path.
+    path. A Python file of the user with the friction law or piezo model that the set names is executed.
 
     Raises:
         ParameterSetError: there is no such set, or the file is wrong; the message names file, field, unit and

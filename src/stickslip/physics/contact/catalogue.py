@@ -69,7 +69,7 @@ def load_material(name: str | os.PathLike[str]) -> Material:
     """Return the material with a name, ``load_material("sapphire")``, or from a TOML file.
 
     Raises:
-        ParameterSetError: there is no such material, or the file is wrong; names file and field.
+        ParameterSetError: there is no such material, or the file is wrong; the message names file and field.
     """
     file = named_file(name, _MATERIALS, "material")
     with damaged(ParameterSetError, str(file)):
@@ -80,7 +80,8 @@ def load_pair(name: str | os.PathLike[str]) -> FrictionPair:
     """Return the friction pair with a name, ``load_pair("sapphire-steel")``, or from a TOML file.
 
     Raises:
-        ParameterSetError: there is no such pair, or the file is wrong; names file and field.
+        ParameterSetError: there is no such pair, or the file or a material is wrong; the message names file
+            and field.
     """
     file = named_file(name, _PAIRS, "friction pair")
     with damaged(ParameterSetError, str(file)):

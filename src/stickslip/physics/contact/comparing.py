@@ -63,8 +63,8 @@ class ContactComparison:
         return self.report()
 
     def moved(self, effect: str) -> list[str]:
-        """Return the names of the parameters that change significantly (p below 0.05) with an effect, given
-        by its name, such as "normal_force" or "surface: ground over lapped".
+        """Return the names of the parameters that change significantly (corrected p below 0.05) with an
+        effect, given by its name, such as "normal_force" or "surface: ground over lapped".
 
         Raises:
             QuantityError: there is no such effect.
