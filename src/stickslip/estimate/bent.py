@@ -177,9 +177,9 @@ def _principal(covariance: Array) -> Array:
 
 
 def _explained(others: Array, z: Array, weights: Array) -> tuple[Array, float]:
-    """Return the coefficients of the second-order polynomial of the coordinates `others` [n, i] that fits the
-    coordinate z [n] of points with weights [n] whose sum is 1, and the standard deviation of its residual,
-    increased for the number of coefficients."""
+    """Fit a second-order polynomial of the coordinates `others` [n, i] to the coordinate z [n] of points with
+    weights [n] whose sum is 1. Return its coefficients, and the standard deviation of its residual, increased
+    for the number of coefficients."""
     effective, i = 1.0 / float(np.sum(weights**2)), others.shape[1]
     size = 1 + i + i * (i + 1) // 2 if effective > FEWEST else 1
     terms = _terms(others, size)

@@ -25,8 +25,8 @@ def _controller() -> ThreadpoolController:
 
 
 def single_threaded(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function so that BLAS (NumPy's and SciPy's linear algebra) uses one thread while the
-    function runs."""
+    """Decorate a function so that BLAS (NumPy's and SciPy's linear algebra) uses one thread in the whole
+    process while the function runs."""
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> T:

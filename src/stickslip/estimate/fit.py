@@ -24,8 +24,9 @@ from .problem import FitError, Problem, Residuals
 from .result import Fit
 from .search import End, Options, SearchResults, SearchState
 
-# Largest number of times that a search range is extended, each time by the factor `REACH` = 30. The initial
-# range extends to this factor of the initial guess, so the largest range extends to 30^4.
+# Largest number of times that a search range is extended, each time by the factor `REACH` = 30 (on a linear
+# scale, by its width). The initial range extends to this factor of the initial guess, so the largest range
+# extends to 30^4.
 WIDENED = 3
 # Smallest decrease of chi-squared, in variances of the noise, for which a search range is extended once more.
 NOTHING_GAINED = 0.1

@@ -44,7 +44,7 @@ class HumLine(NamedTuple):
 
 def lines(residuals: Array, period: float = 0.0, at_rest: int = 0) -> list[HumLine]:
     """Return the spectral lines that exceed the neighbouring noise: up to `MOST` sinusoids (`HumLine`), the
-    most significant first.
+    most significant first; none for short recordings.
 
     Args:
         residuals: residuals of one recording, at equal intervals, [n].

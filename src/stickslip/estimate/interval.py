@@ -12,7 +12,8 @@ from .parameter import Parameter
 def interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
     """Return lower and upper end of the interval of a parameter about a minimum, in the parameter's unit.
 
-    The parameter's limits cut the interval; the ends of the search range do not. With a `shift`, and not at
+    The parameter's limits (or, without limits, its bounds) cut the interval; the ends of a search range do
+    not. On a side that the data do not bound, the interval extends to the limit. With a `shift`, and not at
     an upper bound, the interval is symmetric about the value if it reaches zero, and about the logarithm of
     the value otherwise; at a lower bound it starts at the least value.
 

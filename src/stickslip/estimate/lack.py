@@ -287,8 +287,8 @@ def _by_levels(r: Array, known: KnownNoise) -> _Compared | None:
 
 
 def _of_largest_change(r: Array, n: int, m: int, noise: float) -> float:
-    """Return the probability that noise changes the mean of m samples, over a gap of 2 m samples, as much as
-    the largest such change in the motion after sample n, times the number of independent changes.
+    """Return the probability that noise changes the mean of m samples as much as the largest change in the
+    motion after sample n, times the number of independent changes. Changes are over a gap of 2 m samples.
 
     The variance of these changes is estimated from the n samples at rest, but is at least that of white noise
     with the variance `noise`.
@@ -318,8 +318,8 @@ def _in_motion(quiet: float, step: float, samples: int) -> float:
     """Return the variance in motion of noise that has the variance `quiet` at rest.
 
     At rest, a converter with the step `step` may stay on one level and hide the noise. In motion, the
-    variance is step^2 / 12 plus that of the noise before the converter, taken so large that the noise leaves
-    the middle of a step as often as observed, at least once in `samples`.
+    variance is step^2 / 12 plus that of the noise before the converter. This noise is taken so large that it
+    leaves the middle of a step as often as observed, at least once in `samples`.
     """
     if step <= 0.0:
         return quiet

@@ -256,8 +256,8 @@ class Fit:
 
     @property
     def n_estimated(self) -> float:
-        """Return the effective number of parameters [spiegelhalter2002]: that of a parameter is 1 less the
-        part that comes from its prior. The level of the noise counts 1 if it was estimated."""
+        """Return the effective number of parameters [spiegelhalter2002]. A parameter counts 1 minus the part
+        of its estimate that comes from its prior; the level of the noise counts 1 if it was estimated."""
         of_priors = sum(map(Parameter.prior_share, self.parameters, np.diag(self.uncertainty.covariance)))
         count = self.n_data - self.degrees_of_freedom + sum(p.prior is not None for p in self.parameters)
         return count - of_priors + (not self.noise_known)

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 Drive = Step | Sawtooth | ReverseSawtooth | Triangle | Sine
 
 # MOVED: change of the drive since the first sample, as a share of its range, that shows that the drive has
-# started. STILL: largest difference from the level at rest, as a share of the range, of a sample at rest (or
-# the noise, if larger); the drive starts after the last such sample.
+# started. STILL: largest difference from the level at rest, as a share of the range, of a sample at rest; the
+# drive starts after the last such sample. Both are at least SURELY standard deviations of the noise.
 MOVED, STILL = 0.02, 1e-4
 # Deviation, in standard deviations of the noise, that no sample reaches by chance.
 SURELY = 6.0
@@ -31,8 +31,8 @@ SURELY = 6.0
 # _NEAR for the median, _OFTEN for 95 % of the samples.
 _NEAR, _OFTEN = 0.01, 0.05
 # Users choose round numbers, so frequency, amplitude and offset are rounded. _ROUND: largest relative change
-# by rounding. _AS_GOOD: largest relative increase of the residual by rounding or, if larger, _CHANCE divided
-# by the number of samples (three standard errors).
+# by rounding (of the offset 0.5 % of the channel's range). _AS_GOOD: largest relative increase of the
+# residual by rounding or, if larger, _CHANCE divided by the number of samples (three standard errors).
 _ROUND, _AS_GOOD, _CHANCE = 0.003, 0.005, 4.5
 # Residual, in standard deviations of the channel's white noise, above which other frequencies are tried.
 _EXPLAINED = 1.3
@@ -42,7 +42,7 @@ _EXACT = 1e-6
 # Largest number of samples to which a waveform is fitted; of a longer recording, every second, third, ... is
 # used.
 MOST_FITTED = 100_000
-MOST_SAMPLES = 2000  # largest number of samples with which the start is refined
+MOST_SAMPLES = 2000  # the start is refined with fewer than twice this number of samples
 
 
 class RecognisedDrive(NamedTuple):
@@ -265,9 +265,9 @@ class _Fitted(NamedTuple):
         return np.abs(volts - own)[off_jumps(own)]
 
     def is_shown(self, since: Array, volts: Array) -> bool:
-        """Return True if a channel (times since its first sample [s], voltages [V]) follows this waveform
-        away from jumps, within twice its white noise or about 1 % of its range, and over 80 % of the samples
-        are away from jumps.
+        """Return True if a channel (times since its first sample [s], voltages [V]) follows this waveform.
+        Over 80 % of the samples must be away from its jumps, and agree within twice the channel's white noise
+        or about 1 % of the range.
 
         Up to 5 % of the samples may be farther away. The result is False if fewer than 80 % of the samples
         are away from jumps.

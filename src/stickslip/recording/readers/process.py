@@ -45,7 +45,8 @@ class Reader:
         module.
 
         Raises:
-            RecordingError: the file cannot be read, or not within the time and memory allowed for its size.
+            RecordingError: the file cannot be read, or not within the time and memory allowed for its size;
+                or `use` raises any other error than QuantityError, which passes unchanged.
             ReaderBusy: reading was not tried, or the machine had no time or memory for it.
         """
         return self.apply(partial(_recorded, use=use), path)

@@ -68,8 +68,9 @@ def _has_date(found: re.Match[str]) -> bool:
 
 
 def day_first(texts: Sequence[str]) -> bool | None:
-    """Return True if dates like "1/2/2020" in the texts have the day before the month (always if a sign is
-    not "/"), False if the month is first or there are no such dates, None if both orders are possible."""
+    """Return True if dates like "1/2/2020" in the texts have the day before the month, as with any other sign
+    than "/". The result is False if the month is first or there are no such dates, and None if both orders
+    are possible."""
     found = [one for text in texts if (one := _STAMP.fullmatch(text)) and one["y2"] is not None]
     if any(int(one["a2"]) > 12 for one in found) or any(one["sign2"] != "/" for one in found):
         return True
