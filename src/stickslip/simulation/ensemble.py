@@ -269,7 +269,7 @@ def _run(
 
 def _refined(task: _EnsembleTask, columns: Columns) -> tuple[_Runs, list[str]]:
     """Simulate each member of a block, given by its columns, until its estimated error is within the
-    tolerance.
+    tolerance, or a limit of `refinement` is reached.
 
     Each repetition, for the members that need one, has smaller steps and finer drive tables (compare
     `refinement.refined`). Return the results, and the reason why each member was refused ("" if valid).

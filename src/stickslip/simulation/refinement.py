@@ -1,7 +1,7 @@
 """Error estimate of a trajectory, and refinement until the error is within the tolerance.
 
 A run is compared with a second one whose local errors, and therefore total error, are a quarter: the error of
-the first is 4/3 of their difference (docs/decisions/error-estimate.md). The first run is returned, because
+the first is 4/3 of their difference (docs/decisions/error-estimate.md). The coarser run is returned, because
 its error is known.
 """
 

@@ -277,7 +277,7 @@ def sensitivities(
 
     Each derivative is a difference quotient with a neighbour that has the same integration steps as the
     trajectory (see `engine.near`), so it contains no noise of the error control. Derivatives are computed at
-    the tolerance, at a tenth of it and so on, until two agree within a hundredth of the largest value.
+    the tolerance, then up to four times at a tenth of the last, until two agree within 1 % of the largest.
 
     Args:
         model: an actuator whose law has internal states, and no jumps of its force.

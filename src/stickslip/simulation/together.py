@@ -155,8 +155,8 @@ def simulate_together(
 ) -> xr.Dataset:
     """Return the trajectory of one end-effector on several actuators, each with its own drive.
 
-    Each stage starts at rest under the first voltage of its drive, with its contact undeflected, and the
-    end-effector at 0.
+    Each stage starts at rest under the voltage of its drive before t = 0, with its contact undeflected, and
+    the end-effector at 0.
 
     Args:
         actuators: at least two, with the same end-effector mass and external force.
