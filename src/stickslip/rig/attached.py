@@ -97,8 +97,8 @@ def _about(client: Any) -> About:
 def _identity(client: Any, host: str, port: int, timeout: float) -> str:
     """Return the identity that the device at an address reports, as a text.
 
-    If the class `client` has no method `identify`, the device is opened and closed; the identity is then its
-    name in `capabilities` or `ranges`.
+    If the class `client` has no method `identify`, the device is opened and closed; the identity is then the
+    `name` in its `capabilities` or `ranges`.
 
     Raises:
         RigError: the device is not of the kind that `client` controls, or nobody answers within `timeout` s.

@@ -2,8 +2,8 @@
 
 A file looks like a parameter set (see `stickslip.parameters.load`): one table per number, with its unit and
 source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` gives the sensor's `type` (a user's own type is
-"my_sensor.py:MySensor", beside the file), the part it is mounted `on` (stage or end_effector), and the `adc`
-that samples it.
+"my_sensor.py:MySensor", beside the file), the part it is mounted `on` (stage or end_effector), the `adc` that
+samples it, and its parameters.
 
 With ``base = "kang2007-bench"`` a file contains only the differences. Each of its top-level tables replaces
 the base's whole table: one ``[sensor.NAME]`` replaces all sensors. ``amplifier = "pd200x4"`` and
@@ -173,7 +173,7 @@ def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
 def _beside(file: Path, name: str) -> str | Path:
     """Return the path of `name` in the folder of a bench file if it ends in ".toml", else the name itself.
 
-    A name without the ending is that of a bench or part of the package.
+    A name without the ending is the name of a bench or part in the package.
 
     Raises:
         ParameterSetError: the path leads out of the folder of the bench file.

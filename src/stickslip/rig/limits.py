@@ -119,7 +119,7 @@ def check_edges(limits: Limits, can: Capabilities) -> None:
     """Raise QuantityError if `max_slew` forbids a jump over the whole voltage range within one update.
 
     A closed loop that walks by stick-slip steps needs such jumps, at which the contact slips. `can` are the
-    capabilities of the rig; the range is the narrower one of rig and limits.
+    capabilities of the rig; the range is what both rig and limits allow.
     """
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     least = (high - low) * can.update_rate

@@ -239,8 +239,8 @@ class PermittedRig:
 def sited(rig: Rig, limits: Limits) -> tuple[Rig, Limits, Site]:
     """Apply the limits and permits of the site to a run of a rig in this program.
 
-    A simulated rig and its limits are returned unchanged, and so are those of a rig that another process
-    owns: that process applies the site itself.
+    A simulated rig and its limits are returned unchanged, with an empty site. So is a rig that another
+    process owns: that process applies the site itself.
 
     The device's own limits are read again, and the interlock of the rig requires the permits that people
     give.

@@ -36,7 +36,7 @@ class Stream:
         offset: voltage at the piezo, V, for the number 0 sent to the D/A converter.
         per_unit: voltage at the piezo, V, per unit of the number sent to the D/A converter.
         tolerance: greatest error of simulated positions, m (rad for a rotary actuator).
-        remanence: initial state of the piezo; None for a piezo that has rested for long.
+        remanence: initial state of the piezo; None for a piezo that has rested at 0 V for long.
         slips: irregularity of the steps; None if every step follows the equations.
 
     Raises:

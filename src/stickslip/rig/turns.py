@@ -288,7 +288,7 @@ class _Guard:
     def allowed(self, wish: float, given: float, tick: int) -> float:
         """Return the voltage to output, V: the request, clipped to the voltage range and the slew rate.
 
-        The range is the narrower one of limits and rig. A clipped request is counted in `limited`.
+        The range is what both limits and rig allow. A clipped request is counted in `limited`.
 
         Args:
             wish: voltage that the controller requests, V.

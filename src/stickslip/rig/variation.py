@@ -1,8 +1,8 @@
 r"""Variation of a virtual rig's contact from run to run, as measured on real contacts.
 
 A factor f multiplies all friction forces (Coulomb, stiction), a factor s the stiffness of the bristle.
-Lengths change with the ratio f/s. In run k of a series their logarithms are (less half their variance, so
-that the mean factor is 1)
+Lengths change with the ratio f/s. In run k of a series the logarithms of f and s are (less half their
+variance, so that the mean factor is 1)
 
 .. math:: \ln f_k = \sigma_f\,e_k + \sigma_d\,d_k, \qquad d_k = \rho\,d_{k-1} + \sqrt{1-\rho^2}\,e'_k,
       \qquad \rho = e^{-1/n}, \qquad \ln s_k = \sigma_s\,e''_k

@@ -54,7 +54,7 @@ class VirtualRig:
     however, continues from its state at the end of the previous run, without a pause; the positions then
     start at the remaining stroke. The piezo of a new rig has rested at 0 V for long. To return to almost this
     state, run a sine about 0 V that decays over many periods, if the amplifier allows negative voltages. A
-    run at 0 V is a rest.
+    run at 0 V is a rest. QuantityError if the sensors do not fit the actuator (m or rad).
     """
 
     simulated = True  # a simulated rig needs no arming

@@ -119,7 +119,7 @@ class ActuatorSpec(Strict):
     """The actuator on the rig: a parameter set by name or file, with changed fields.
 
     `change` has fields of the actuator, `friction` fields of its friction law. A virtual rig simulates this
-    actuator. For a real rig it gives the default voltage limits and is stored with the recordings.
+    actuator. For a real rig the actuator gives the default voltage limits and is stored with the recordings.
     """
 
     set: str = "kang2007"
@@ -169,8 +169,8 @@ class CaptureSpec(fields_of(Capture, "length", "pre_trigger", "average")):
 class PartSpec(Strict):
     """A part of the drive: a waveform (name `shape`) with its `fields`, or a variable of a recording.
 
-    A recording is given by the path `file` and the name of its `variable`. The part is cut off after
-    `duration` [s]; by default it is used in full.
+    A recording is given by the path `file` and the name of its `variable`. With `duration` [s] the part is
+    cut off, or its final value stays until then; by default it is used in full.
     """
 
     shape: Shape | None = None

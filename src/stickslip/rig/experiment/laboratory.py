@@ -158,7 +158,7 @@ def open_laboratory(
     """Open the laboratory of an experiment file.
 
     A rig that puts out voltages in real time belongs to a process of its own. A virtual rig that is computed
-    as fast as possible has no output and stays in this process.
+    as fast as possible stays in this process, unless `rigs` is given.
 
     Args:
         file: the experiment file's content.

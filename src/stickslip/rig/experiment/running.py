@@ -97,6 +97,8 @@ def record_experiment(
 ) -> list[Recorded]:
     """Record the cells of an experiment file that was already read; result and errors as `run_experiment`.
 
+    The flag of the module `driving` is set meanwhile.
+
     Args:
         file: content of the experiment file.
         folder: folder for the paths in the file.

@@ -65,7 +65,7 @@ class Axis:
         self._begin = self._end = clock.now()
 
     def begin(self, pieces: Iterator[Piece], forever: bool = False) -> None:
-        """Start a motion at the end of the present piece. It replaces the rest of an earlier motion.
+        """Start a motion at the end of the present piece. The rest of an earlier motion is dropped.
 
         Args:
             pieces: pieces of drive, which are taken one by one when they are due.

@@ -68,7 +68,7 @@ class Anc300Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start `count` open-loop steps and return at once; a negative count is downwards.
+        """Switch the axis to stepping, start `count` steps (negative: downwards) and return at once.
 
         `voltage` is the amplitude [V], `frequency` the step rate [Hz]. Raises QuantityError for a value
         outside `ranges`, and RigError if the controller refuses.
@@ -84,7 +84,8 @@ class Anc300Client:
         self._counted[axis] = self._counted.get(axis, 0) + count
 
     def scan(self, axis: int, voltage: float | str) -> None:
-        """Put out a constant voltage, V, on an axis. RigError for a module without an offset voltage."""
+        """Switch the axis to offset mode and put out a constant voltage, V. QuantityError for a voltage
+        outside `ranges`, RigError for a module without an offset voltage."""
         voltage = to_si(voltage, "V", "voltage")
         self.ranges.check(axis, voltage=voltage)
         self._ask(f"setm {axis} off")
@@ -109,7 +110,8 @@ class Anc300Client:
         return float(self._counted.get(axis, 0))
 
     def stop(self) -> None:
-        """Stop all motions and ground the axes; a broken connection is opened again for this purpose."""
+        """Stop all motions and ground the axes; a broken connection is opened again for this purpose.
+        RigError if that fails."""
         self._line.insist(self._ground, self._begin)
 
     def close(self) -> None:

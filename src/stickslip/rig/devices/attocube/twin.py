@@ -49,7 +49,8 @@ _SWITCHES = {
     "td": ("trigger", "off"),
     "fil": ("filter", "off"),
 }
-_FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}  # cutoff of the filter in a command: in answers
+# cutoffs of the filter: text in commands, then in answers
+_FILTERS = {"off": "off", "16": "16 Hz", "160": "160 Hz"}
 
 
 class ConsoleError(Exception):

@@ -56,7 +56,7 @@ class E871Client:
         )
 
     def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
-        """Start `count` open-loop steps and return at once; a negative count is backwards.
+        """Switch the servo off, start `count` open-loop steps (negative: backwards) and return at once.
 
         `voltage` is the amplitude [V], `frequency` the step rate [Hz]. Raises QuantityError for a value
         outside `ranges`, and RigError if the controller refuses.
@@ -76,8 +76,8 @@ class E871Client:
         raise RigError(f"{self.ranges.name}: axis {axis} cannot be held at {voltage}: it only steps")
 
     def go(self, axis: int, position: float | str) -> None:
-        """Start a closed-loop motion to a position, in m from the zero of the axis's sensor; return at
-        once."""
+        """Switch the servo on and start a closed-loop motion to a position, in m from the zero of the axis's
+        sensor; return at once."""
         position = to_si(position, "m", "position")
         self.ranges.check(axis)
         self._line.do(f"SVO {axis} 1")

@@ -139,7 +139,7 @@ class RedPitayaRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Upload the drive [n], V at the piezo, one value per update, with a ramp to 0 V at its end.
+        """Switch the output off; upload the drive [n], V at the piezo, one per update, and a ramp to 0 V.
 
         Raises:
             RigError: drive and ramp exceed the buffer or the voltage range, or the board refuses.

@@ -164,7 +164,7 @@ class Generator:
         self._do(*one.after)
 
     def on(self) -> None:
-        """Switch the output on. It is at 0 V, and the generator waits for a trigger."""
+        """Switch the output on. The output is at 0 V, and the generator waits for a trigger."""
         self._do(self.table.on)
 
     def trigger(self) -> None:

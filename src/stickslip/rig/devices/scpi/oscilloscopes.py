@@ -42,10 +42,10 @@ class OscilloscopeCommands(NamedTuple):
     """A family of oscilloscopes: the pattern of its ``*IDN?`` answer, and its commands.
 
     `before` are commands of the first set-up, `channel` those of a recorded channel, `screen` those of time
-    and trigger, `single` those that arm, and `wave` those before a transfer of samples. `state` and `data`
-    are queries. In commands, {n} is a channel and {span} its voltage range, V; {division} is an eighth of the
-    range. {source} is the trigger source and {level} the trigger level, V. {length} is the time on the
-    screen, s; {half} and {tenth} are a half and a tenth of this time.
+    and trigger, `single` those that arm, and `wave` those before a transfer of samples. `errors` (oldest
+    error), `state` and `data` (samples) are queries. In commands, {n} is a channel and {span} its voltage
+    range, V; {division} is an eighth of the range. {source} is the trigger source and {level} the trigger
+    level, V. {length} is the time on the screen, s; {half} and {tenth} are a half and a tenth of this time.
     """
 
     name: str

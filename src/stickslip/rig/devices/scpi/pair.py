@@ -145,10 +145,11 @@ class PairRig:
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
-        """Upload the drive [n], V at the piezo, one value per update, with a ramp to 0 V at its end.
+        """Switch the output off; upload the drive [n], V at the piezo, one per update, and a ramp to 0 V.
 
         Raises:
-            RigError: drive and ramp exceed the generator's table or voltage range, or it refuses them.
+            RigError: drive and ramp exceed the generator's table or voltage range, or the generator refuses
+                them.
         """
         can = self.capabilities
         table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)

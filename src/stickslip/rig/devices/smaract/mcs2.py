@@ -102,7 +102,7 @@ class Mcs2Client:
         return 1e-12 * self._number(f":CHAN{axis}:POS?")
 
     def stop(self) -> None:
-        """Stop the motions of all axes. The piezos keep their voltages. RigError if it cannot be sent."""
+        """Stop the motions of all axes. The piezos keep their voltages. RigError if that fails."""
         self._line.insist(lambda: self._do("\n".join(f":STOP{axis}" for axis in self.ranges.axes)))
 
     def close(self) -> None:
