@@ -77,8 +77,9 @@ def optimise_actuator(
         best result of each given model.
 
     Raises:
-        QuantityError: as for `optimise_waveform`; an unknown name or no range in `free`; a holding force that
-            the ranges do not allow; rotary and linear models together; an uncertainty for several models.
+        QuantityError: as for `optimise_waveform`; an unknown name, no range or a parameter without effect in
+            `free`; a holding force that the ranges do not allow; rotary and linear models together; outputs
+            of other models; an uncertainty for several models.
     """
     models = dict(model) if isinstance(model, Mapping) else {"": model}
     if not models:

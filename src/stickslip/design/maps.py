@@ -86,7 +86,7 @@ def step_map(
     Args:
         model: the actuator.
         waveform: periodic (one with a `period`), V; by default a `Sawtooth` with a jump that rests at 0 V, or
-            where the model's range of voltage is nearest to it.
+            where the model's range of voltage is nearest to 0 V; voltage and frequency are then required.
         voltage: V, from the least to the greatest value of the drive. Points beyond the model's `min_voltage`
             and `max_voltage` are refused, with the reason.
         frequency: Hz.

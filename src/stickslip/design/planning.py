@@ -89,7 +89,8 @@ def plan_experiment(
         noise: standard deviation of a sample, m, white; or a recording of end_effector_position at rest,
             whose noise, with its spectrum and drift, applies to all candidates. By default: the noise of the
             fit.
-        limits: limits of voltage, slew rate, duty and position. By default: the actuator's voltages.
+        limits: limits of voltage, slew rate, duty and position. By default: `Limits()` with the actuator's
+            finite voltages.
         chain: chain of the position channel: delay, scale, slew rate of the amplifier (the steepest flank of
             the grid), and whether each recording is `zeroed` by the 0.1 s before it, with its own
             error. By default: a chain with the delay of the fit.

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 LEFT_OUT = 1e-2
 # Smallest stiffness of an element, relative to that of all elements; smaller ones are left out.
 NOTHING = 1e-9
-# Smallest number of samples that a fit of loops needs, of those after the first reversal that are used.
+# Smallest number of used samples (see `_branches`) that a fit of loops needs.
 FEWEST = 10
 # Smallest motion back, relative to the range of the position, that counts as a reversal and not as noise.
 TURN = 0.02
