@@ -174,7 +174,8 @@ def run(
     arm: Arm = "",
     show_traceback: Traceback = False,
 ) -> None:
-    """Carry out the steps of a file in turn: record, identify, verify, compare, export and map."""
+    """Carry out the steps of a file: record, identify, verify, compare, design, export, move, measure
+    steps."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)
@@ -300,8 +301,8 @@ def design(
     out: Out = Path("out/design"),
     show_traceback: Traceback = False,
 ) -> None:
-    """Compute a map of the step over voltage, frequency, load and other fields, as a file describes it;
-    Ctrl-C keeps finished points."""
+    """Compute what a design file asks for: a map of the step over voltage, frequency, load and other fields,
+    the best drive or actuator, a Pareto front, a plan; Ctrl-C keeps finished points."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, FINISHED):
         check_output(out)

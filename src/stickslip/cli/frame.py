@@ -228,7 +228,7 @@ def _shown_progress() -> Iterator[Progress]:
 
 
 def check_output(out: Path) -> None:
-    """Check before the work that a report can be written to a folder.
+    """Check before the work that a report can be written to a folder, by a test file of `ROOM` bytes.
 
     Raises:
         ModuleNotFoundError: a package for reports is missing.

@@ -104,7 +104,7 @@ def new(
     ] = None,
     show_traceback: Traceback = False,
 ) -> None:
-    """Write a first file with comments, from your recordings or an example; it runs as it is."""
+    """Write a first file with comments, from your recordings or an example; it runs if nothing is missing."""
     with only_reading(show_traceback):
         from ..jobs.skeletons import new_file
 

@@ -24,7 +24,8 @@ def steps(
     show_traceback: Traceback = False,
 ) -> None:
     """Measure the steps of a motor over voltage and direction. Writes steps.json (to count positions without
-    a sensor), steps.csv (for a controller that makes equal steps) and bursts.csv (the measurements)."""
+    a sensor), if possible steps.csv (for a controller that makes equal steps), and bursts.csv (the
+    measurements)."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback, _KEPT):
         check_output(out)

@@ -89,7 +89,7 @@ def _shard(text: str) -> tuple[int, int] | None:
 
 @study.command()
 def show(store: StoreFolder, show_traceback: Traceback = False) -> None:
-    """Show the progress of a study: tasks, members by status, rate, time left."""
+    """Show the progress of a study (tasks, members by status, rate, time left), and check its results."""
     with errors_in_one_line(show_traceback):
         from ..study.store import Store
 

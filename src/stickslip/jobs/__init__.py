@@ -1,5 +1,5 @@
-"""Input files that describe recording, identification, verification, comparison, design and export; their
-runners.
+"""Input files that describe recording, identification, verification, comparison, design, moves, calibration
+of steps and export; their runners.
 
 A job is a sequence of such steps.
 """

@@ -11,7 +11,8 @@ A job has a title and steps, which run one after the other::
       - export: {format: c}
       - design: {map: {voltage: {start: 10 V, stop: 100 V, points: 40}, frequency: 50 Hz}}
 
-Experiment, campaign, identification, verification and design files are jobs of one step.
+Files of experiments, campaigns, identifications, verifications, comparisons, designs, moves and calibrations
+of steps are jobs of one step.
 """
 
 from __future__ import annotations

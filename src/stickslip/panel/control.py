@@ -1,4 +1,4 @@
-"""Control of the rig: one page has control, and only its requests may start or change something.
+"""Control of the rig: one page has control, and only its requests may drive the rig or change its experiment.
 
 Other pages watch, and may ask for control. Every page may stop the rig. Each page has a secret, known only to
 the page and the server. Other pages know it by the public name that `shown` makes of the secret.

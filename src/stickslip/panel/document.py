@@ -66,7 +66,7 @@ class Checked(NamedTuple):
 
 
 class BenchDocument:
-    """The experiment on the bench, with its earlier states for undo.
+    """The experiment on the bench, with its earlier states for undo; at first the content of `DEFAULT`.
 
     `name` is the name of its file in the panel's folder, "" if it was never saved. `checked` is its present
     content.

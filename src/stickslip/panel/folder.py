@@ -1,4 +1,4 @@
-"""The panel's folder, the only one that it reads and writes: no request can name a file outside it."""
+"""The panel's folder, which keeps all data of the panel: no request can name a file outside it."""
 
 from __future__ import annotations
 

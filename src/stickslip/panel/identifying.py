@@ -1,4 +1,5 @@
-"""Routes of the Identify page: recordings that can be fitted, the current or last fit, its report."""
+"""Routes of the Identify page: recordings and what they lack for a fit, the current or last fit, its
+report."""
 
 from __future__ import annotations
 

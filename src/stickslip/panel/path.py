@@ -260,8 +260,8 @@ def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, An
 def _run(prediction: str, drive: PathDrive, runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Return a run with this drive, as an entry of "runs" in an experiment file.
 
-    The run is sampled as the first of the other `runs`, or at the rig's full rate without one. Its notes name
-    the prediction, see `predicted_of`.
+    The run is sampled as the first of the other `runs`, or at the rig's full rate without one. The rise of
+    the channel drive_voltage triggers its recording. Its notes name the prediction, see `predicted_of`.
     """
     forever = drive.forever()
     amplitude, frequency = forever.amplitude, forever.frequency

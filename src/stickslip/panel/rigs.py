@@ -69,7 +69,8 @@ def asked_rig(kind: str, bench: str, options: str, before: Content) -> Content:
     Args:
         kind: "virtual", or the name of a back end.
         bench: name of the virtual rig's bench, not used for a back end.
-        options: arguments of the back end as text, such as "host: 192.168.0.20", not used for a virtual rig.
+        options: arguments of the back end as text, such as "host: 192.168.0.20", not used for a virtual rig;
+            those without a value are left out.
         before: present content of the section; a virtual rig that stays virtual keeps its other settings.
 
     Raises:

@@ -138,7 +138,10 @@ def create_app(
     studies, sets = Studies(files, journal), Sets(files)
 
     async def beat() -> None:
-        """Send a sign of life every second: a page that hears nothing knows that the connection is lost."""
+        """Send a sign of life every second: a page that hears nothing knows that the connection is lost.
+
+        Also take control from a lost page, and collect garbage every `_IDLE` seconds while no run is active.
+        """
         for second in itertools.count(1):
             await asyncio.sleep(1.0)
             control.watch()

@@ -26,7 +26,8 @@ class Sets:
         self._folder = folder
 
     def offered(self) -> dict[str, tuple[str, Actuator]]:
-        """Return title and actuator of each set by name: the package's, and the newest `MOST` saved ones.
+        """Return title and actuator of each actuator's set by name: the package's, and the newest `MOST`
+        saved ones.
 
         Files that cannot be read are left out.
         """

@@ -196,7 +196,8 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
 
     - "sets": for each parameter set its title, unit of positions, "model" (values of the actuator's fields)
       and "law" (name of its friction law). "friction" has the values of every law for the same contact.
-      "piezo" has the sliders of a hysteresis model without play operators;
+      "piezo" has the sliders of a hysteresis model without play operators. A set whose law has no sliders is
+      left out;
     - "by_unit": for "m" and "rad" (linear and rotary actuators), see `_kind`;
     - "shapes": fields of each waveform, and "start": their initial values;
     - "tied": see `TIED`;

@@ -220,7 +220,8 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob
     """Return the job of the walk home: steps until the end-effector is at position 0, near 0 V.
 
     The position counts while the drive is near 0 V. The walk uses the variables forward_voltage,
-    reverse_voltage and frequency of the experiment.
+    reverse_voltage and frequency of the experiment. A position limit that is already exceeded is widened for
+    the walk. Its recording is deleted at its end.
 
     Args:
         folder: the panel's folder.

@@ -72,7 +72,7 @@ class OptimiseSpec(
 class FrontSpec(SearchSpec, arguments_of(waveform_front, "knots", "points", "generations")):
     """Arguments of `design.waveform_front`, which searches the Pareto-optimal drives for two goals.
 
-    `goals` are the goals, each as in `OptimiseSpec`.
+    `goals` are the two goals, each as in `OptimiseSpec`. The first must require motion, such as "speed".
     """
 
     goals: list[Goal] = ["speed"]  # noqa: RUF012  # pydantic copies the default
@@ -93,8 +93,8 @@ class ActuatorSearchSpec(
     """Arguments of `design.optimise_actuator`, which searches for the actuator that reaches a goal best.
 
     `free` has the ranges of the fields that are varied, by name: [lowest, highest], in SI or with units.
-    `models` has the names of parameter sets by a label; the search then starts from each of them instead of
-    the file's model.
+    `models` has names of parameter sets, each under a label for the report; the search then starts from each
+    of them instead of the file's model.
     """
 
     goal: Goal | None = None

@@ -62,15 +62,15 @@ class Level(Arrays):
 class FrequencyAnalysis(Analysis):
     """Request to fit modal models to frequency responses.
 
-    `modes` lists the models, each as a number of modes or as initial values: pairs of frequency [Hz] and
-    damping ratio. For a number, the modes are first identified at the level of middle amplitude; all levels
-    start from the result. `band` are the lowest and highest fitted frequency [Hz]. The last `held_out`
-    realisations of a level without files to `test` are not fitted, but predicted (one by default). `output`
-    counts from 1 and may be a list. Every `every`-th excited frequency is fitted, weighted by its deviation
-    or equally (`equal_weights`). `follow` are modes, counted from 1 in the last model, whose change with the
-    amplitude is shown. `one_model` fits the last model to all levels together, as `identify_levels`.
-    `time_domain` names levels that are also fitted in the time domain. `tied` are poles of the last model
-    that follow from others, as for `identify_frequency`.
+    `units` are those of drive and response. `modes` lists the models, each as a number of modes or as initial
+    values: pairs of frequency [Hz] and damping ratio. For a number, the modes are first identified at the
+    level of middle amplitude; all levels start from the result. `band` are the lowest and highest fitted
+    frequency [Hz]. The last `held_out` realisations of a level without files to `test` are not fitted, but
+    predicted (one by default). `output` counts from 1 and may be a list. Every `every`-th excited frequency
+    is fitted, weighted by its deviation or equally (`equal_weights`). `follow` are modes, counted from 1 in
+    the last model, whose change with the amplitude is shown. `one_model` fits the last model to all levels
+    together, as `identify_levels`. `time_domain` names levels that are also fitted in the time domain. `tied`
+    are poles of the last model that follow from others, as for `identify_frequency`.
     """
 
     kind: Literal["frequency_response"]

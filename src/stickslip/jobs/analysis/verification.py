@@ -155,11 +155,11 @@ def verification_analysis(
 
     Args:
         path: a verification file, a results.json, or a fit of `save_fit`.
-        recordings: files to predict, if `path` is no verification file; their drive is the channel
-            drive_voltage.
+        recordings: files to predict, if `path` is no verification file; their drive is taken from their
+            attributes or the channel drive_voltage.
         require: further requirements, such as "r_squared > 0.99".
         columns, units: columns and units of these files, "NAME=COLUMN" and "NAME=UNIT"; missing ones are
-            guessed by `inspect_file`, and the report says so.
+            guessed by `inspect_file`, and the report says so. Recordings of this package need none.
         changes: changes to a verification file, as for `load_yaml`.
 
     Raises:

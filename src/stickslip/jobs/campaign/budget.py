@@ -1,10 +1,12 @@
-"""Uncertainty budget of the friction parameters, with the errors of the stage and of the sensor's scale.
+"""Uncertainty budget of the friction parameters, with the errors of the stage, of hysteresis and creep, of
+drifts and of the sensor's scale.
 
-The friction fit takes the stage's parameters, which were identified before, as known. The effect of their
-errors is linearised: an error g of the known values moves the estimate by -(JᵀJ + P)⁻¹ Jᵀ G g. J and G are
-the derivatives of the position with respect to the fitted and to the known values, and P is the information
-matrix of the priors. Hysteresis and creep have no such derivatives. For them G g is the change of the
-position if another stage is used, identified without a part of the recordings (jackknife).
+The friction fit takes the stage's parameters, which were identified before, as known, unless it varies them,
+too. The effect of errors of known values is linearised: an error g of these values moves the estimate by
+-(JᵀJ + P)⁻¹ Jᵀ G g. J and G are the derivatives of the position with respect to the fitted and to the known
+values, and P is the information matrix of the priors. Hysteresis and creep have no such derivatives. For them
+G g is the change of the position if another stage is used, identified without a part of the recordings
+(jackknife).
 """
 
 from __future__ import annotations
