@@ -34,8 +34,8 @@ from .walk.prediction import Predictor
 class Requirement(NamedTuple):
     """Limit of a figure of merit that every verified recording must meet.
 
-    Fields: `figure`, a column of `Verification.table`; `relation`, ">", ">=", "<" or "<="; `limit`, SI;
-    `unit` of the limit, m or rad, and None for a plain number.
+    Fields: `figure`, one of `FIGURES`; `relation`, ">", ">=", "<" or "<="; `limit`, SI; `unit` of the limit,
+    m or rad, and None for a plain number.
     """
 
     figure: str
@@ -143,7 +143,7 @@ class Verification:
 
     @property
     def statements(self) -> tuple[str, ...]:
-        """Return a sentence for each recording that the model, with these values, does not explain."""
+        """Return one or more sentences on each recording that the model, so fitted, does not explain."""
         return (*(one.statement for one in self.lacks if one.seen), *self.unexplained)
 
     @property
@@ -183,8 +183,8 @@ class Verification:
     def unmet(self, requirements: Sequence[Requirement]) -> list[str]:
         """Return a sentence for each recording and requirement that is not met.
 
-        Recordings without a net step are not checked against the net-step requirement. If no recording has
-        one, there is a sentence for each recording.
+        A figure that does not exist (NaN) is not met. But recordings without a net step are not checked
+        against the net-step requirement, if another recording has one.
 
         Raises:
             QuantityError: a requirement is in another unit than the channel, such as m instead of rad.
@@ -208,7 +208,7 @@ class Verification:
 
     def report(self) -> str:
         """Return a text table with one line for each recording and, if there are several, one for all; then
-        statements and remarks."""
+        statements, remarks and the drives that were taken."""
         width = max(len("recording"), *(len(g.name) for g in self.recordings))
         lines = [
             f"prediction of {self.observed} [{self.unit}]",

@@ -105,7 +105,7 @@ def example_laws(
 
     Args:
         contact: a LuGre contact, such as the one of [kang2007].
-        stiction_force: stiction of the laws that have one, N; by default 1.3 F_C.
+        stiction_force: stiction of the laws that have one, N; by default 1.3 times Coulomb friction.
         stribeck_velocity: Stribeck velocity of the laws that have one, m/s.
         sigma_2: viscous friction of the laws that have it, N s/m.
     """

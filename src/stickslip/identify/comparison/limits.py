@@ -1,7 +1,8 @@
 r"""Limits in which one friction law becomes another [kang2007, sec. 3.2], tested on an actuator.
 
-A hard bristle becomes a static law as slowly as :math:`1/\sqrt{\sigma_0}`. The elastoplastic law with z_ba =
-0 is not LuGre: its share alpha still grows from 0 to 1 over presliding, so only sliding is the same.
+A hard bristle becomes a static law as slowly as :math:`1/\sqrt{\sigma_0}`. The elastoplastic law with a
+breakaway deflection z_ba of 0 is not LuGre: the share alpha of plastic motion still grows from 0 to 1 over
+presliding, so only sliding is the same.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def compare_limits(
     Args:
         actuator: its friction must be a `LuGre` contact, whose values all laws share.
         waveform: a periodic drive.
-        stiction_force: stiction of the laws that have one, N; by default 1.3 F_C.
+        stiction_force: stiction of the laws that have one, N; by default 1.3 times Coulomb friction.
     """
     stiction = optional_si(stiction_force, "N", "stiction_force")
     contact = actuator.friction

@@ -1,9 +1,9 @@
 r"""Friction of a slider that is pulled through a spring, from its stick-slip events.
 
-While the slider sticks, the spring force grows by k V per second. When it exceeds stiction, the slider slips
-and the force drops. So the mean highest force, lowest force and period of the events determine static and
-dynamic friction. The same features are extracted from the measurement and from the simulation. Forces are
-divided by the slider's weight.
+While the slider sticks, the spring force grows at the rate stiffness times pulling speed. When it exceeds
+stiction, the slider slips and the force drops. So the mean highest force, lowest force and period of the
+events determine static and dynamic friction. The same features are extracted from the measurement and from
+the simulation. Forces are divided by the slider's weight.
 """
 
 from __future__ import annotations

@@ -80,9 +80,9 @@ class DelayAndLag(NamedTuple):
 class PlayGrid(NamedTuple):
     """Nonlinear quantities that determine the columns of the model.
 
-    Fields: `thresholds` of the plays [V]; `zones`, the voltages [V] at which the dead zones of the square
-    start, empty without the square; `times`, the time constants of the creep [s], empty without creep; `skew`
-    of the plays' input [1/V], 0 without zones.
+    Fields: `thresholds` of the plays [V]; `zones`, the voltages [V] at which the dead zones start whose sum
+    is the squared voltage, empty without this square; `times`, the time constants of the creep [s], empty
+    without creep; `skew` of the plays' input [1/V], 0 without zones.
     """
 
     thresholds: Array
@@ -127,7 +127,8 @@ class PlayGrid(NamedTuple):
 
     @property
     def bends(self) -> Array:
-        """Return the change of slope of B at the start of each dead zone, V, shape (zones,)."""
+        """Return the change of slope of the squared voltage at the start of each dead zone, V, shape
+        (zones,)."""
         return np.full(self.zones.size, 2.0 * (self.zones[1] - self.zones[0]) if self.zones.size else 0.0)
 
     @property
@@ -141,8 +142,8 @@ class PlayGrid(NamedTuple):
 class Columns(NamedTuple):
     """Columns of one recording.
 
-    Fields: `at_once` [n, k], the responses of the plays and, in the last column, of the square, if there is
-    one; `crept` [n, k], the creep of each column for one per decade.
+    Fields: `at_once` [n, k], the responses of the plays and, in the last column, the squared voltage, if the
+    model has this column; `crept` [n, k], the creep of each column for one per decade.
     """
 
     at_once: Array

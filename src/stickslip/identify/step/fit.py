@@ -281,8 +281,8 @@ def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
 
 
 def _seen(response: Callable[[StepTest, Values], Array]) -> Response:
-    """Return a function as `Response`: of a recorded step and a `Look`, with a gain of 1, from a function of
-    the step and parameter values by name."""
+    """Return the `Response` (a function of a recorded step and a `Look`, with a gain of 1) that calls
+    `response`, a function of the step and parameter values by name."""
     return lambda test, look: response(test, {**look._asdict(), "gain": 1.0})
 
 

@@ -300,7 +300,7 @@ def _ahead(parameters: Sequence[Parameter], moves: Array) -> Values:
 
 
 def _verdict(fit: Fit, tried: Sequence[Tried], seconds: float) -> Advice:
-    """Return the advice: the best of the tried terms, and those that explain the walks equally well.
+    """Return the advice: the best of the tried terms, and those that describe the walks equally well.
 
     Terms that explain the walks come first, then the lowest BIC decides. The cause is "" if no term lowers
     chi-squared clearly. `seconds` is the CPU time spent.

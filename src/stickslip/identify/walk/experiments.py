@@ -33,7 +33,8 @@ class PlannedWalk(NamedTuple):
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Return the times of the samples from 0 to the duration, s."""
+        """Return the times of the samples from 0 to the duration, s. Raises QuantityError for too many
+        samples."""
         asked = f"PlannedWalk of {self.duration:g} s at {self.sample_rate:g} Hz"
         refuse_too_many(self.duration * self.sample_rate, asked)
         return np.arange(round(self.duration * self.sample_rate) + 1) / self.sample_rate

@@ -145,8 +145,8 @@ def contradicted(fit: Fit, everything: Explained) -> tuple[str, ...]:
 def with_minimum_of_all(fit: Fit, there: Fit) -> Fit:
     """Return the fit to some walks, corrected for the minimum that the fit to all walks found.
 
-    If that minimum is clearly lower, return `there`. If it fits as well, return `fit` with intervals that
-    include it. Otherwise return `fit` unchanged.
+    If that minimum is clearly lower, return `there` with the advice of `fit`. If it fits as well, return
+    `fit` with intervals that include it. Otherwise return `fit` unchanged.
 
     Args:
         fit: fit to some walks, which contradicts the fit to all walks (see `contradicted`).

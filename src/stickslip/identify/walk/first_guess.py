@@ -93,7 +93,7 @@ def early_samples(time: Array, drive: Waveform) -> int:
     samples if the drive has no periods, or if these contain at most `FEWEST` samples.
 
     Args:
-        time: sample times, s.
+        time: sample times, s, in the time of the drive.
         drive: waveform of the drive.
     """
     begin, periodic = periodic_part(drive)
