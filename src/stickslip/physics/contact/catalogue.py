@@ -1,9 +1,9 @@
 """Materials and friction pairs by name, each number with its source or marked as assumed.
 
-A TOML file has ``title`` and ``citations``. A material's has ``kind = "material"`` and the tables of
-`Material`. A pair's has ``kind = "friction pair"``, ``first`` and ``second`` (names of materials, or paths
-relative to this file, ending in ``.toml``), and the tables friction_coefficient and friction_factor (see
-`stickslip.parameters.load`).
+Their TOML files have ``title`` and ``citations``. The file of a material also has ``kind = "material"`` and
+the tables of `Material`. The file of a pair has ``kind = "friction pair"``, ``first`` and ``second`` (names
+of materials, or paths relative to this file, ending in ``.toml``), and the tables friction_coefficient and
+friction_factor (see `stickslip.parameters.load`).
 """
 
 from __future__ import annotations
