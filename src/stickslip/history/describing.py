@@ -40,7 +40,7 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
     (duration), samples, channels, settings, links and, for a prediction, kind. `settings` is a dictionary
     with drive, capture, limits, variables of the experiment, the actuator as the file names it, and the
     properties of the contact (`contact`) that a virtual rig used. For a recording that no rig made,
-    `settings` also contains its `source`: the name of the user's file, or "simulation".
+    `settings` also contains its `source`, such as the name of the user's file, if known.
     """
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.DataFrame:
     """Return the runs (recordings, fits, experiments, parameter sets) of a folder and its subfolders, the
-    newest first, as a pandas table with one row per run. A value that a run lacks is "".
+    newest first, as a pandas table with one row per run. A value that a run lacks is "" (for settings and
+    links {}).
 
     Columns:
 

@@ -46,8 +46,8 @@ def candidates(recordings: xr.Dataset | Sequence[xr.Dataset], max_elements: int 
     Coulomb friction starts at half the range of the force. The displacement over which a contact yields
     starts at a fifth of the stroke, the Stribeck velocity at a tenth of the largest speed (99th percentile).
     Maxwell slip comes with 1, 2, ... `max_elements` elements that yield one after the other. Stiction of
-    `StictionCoulombViscous`, stiction and bristle damping of the reset integrator, and sigma_2 of laws with
-    other elements are not fitted.
+    `StictionCoulombViscous`, stiction and bristle damping of the reset integrator, and sigma_2 of LuGre,
+    Elastoplastic and Maxwell slip are not fitted.
 
     Args:
         recordings: with position [m] (rad) and friction_force [N] (N m).

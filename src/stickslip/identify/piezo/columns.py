@@ -81,8 +81,8 @@ class PlayGrid(NamedTuple):
     """Nonlinear quantities that determine the columns of the model.
 
     Fields: `thresholds` of the plays [V]; `zones`, the voltages [V] at which the dead zones start whose sum
-    is the squared voltage, empty without this square; `times`, the time constants of the creep [s], empty
-    without creep; `skew` of the plays' input [1/V], 0 without zones.
+    approximates the squared voltage, empty without this square; `times`, the time constants of the creep [s],
+    empty without creep; `skew` of the plays' input [1/V], 0 without zones.
     """
 
     thresholds: Array
