@@ -29,7 +29,8 @@ _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if
 class Interruption:
     """Context that handles the signals to end a command, as the module describes.
 
-    Signals that the program was started to ignore, as by nohup, stay ignored.
+    Signals that the program was started to ignore, as by nohup, stay ignored. If a library has swallowed the
+    exception of a signal, the end of the context raises KeyboardInterrupt.
     """
 
     def __init__(self) -> None:

@@ -31,6 +31,8 @@ def run_job(
 ) -> Document:
     """Run the job that a file describes, such as recording, identification and export; return its report.
 
+    If a step is interrupted after its first results, the report with these results ends the job.
+
     Args:
         path: a job file, or an experiment, campaign, identification, verification, design or move file.
         out: output folder. Recordings go into its subfolder `recordings`, results of identifications into
@@ -39,13 +41,13 @@ def run_job(
             RecordingWarning.
         progress: called with the current activity and the finished fraction, from 0 to 1.
         figures: True to draw the figures of campaigns.
-        kept: called with the report of the finished steps if a step fails or is interrupted; the error is
-            raised afterwards.
+        kept: called with the report of the finished steps, if there are any, when a step fails or is
+            interrupted; the error is raised afterwards.
         changes: changes to the file, as for `load_yaml`.
 
     Raises:
-        InputFileError: the file is invalid, or names files and models that do not exist; raised before any
-            work; the message names the file and the field.
+        InputFileError: the file is invalid, or names files and models that do not exist; found before any
+            work, except for values that only a step itself checks. The message names the file and the field.
         RecordingError, FitError, RigError, ExportError: a step fails; results of earlier steps are kept.
     """
     job, out = read_job(Path(path), changes), Path(out)

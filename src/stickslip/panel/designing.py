@@ -358,8 +358,8 @@ def told(asked: InformationRequest, sets: Sets) -> dict[str, Any]:
 
     Keys: "duration" of the recording, `RECORDED` [s]; "parameters", a list with name, value in SI and unit of
     each parameter, "half_width" (half the width of its interval over the value), and "default_half_width"
-    (the same for a sawtooth of 65 V, 5 Hz). A half width is None if the recording does not identify the
-    parameter, see `NOT_TOLD`.
+    (the same for a sawtooth of 65 V, or less if the actuator takes less, at 5 Hz). A half width is None if
+    the recording does not identify the parameter, see `NOT_TOLD`.
     """
     model = asked.loaded(sets)
     has = {name for name, value in model.friction._asdict().items() if isinstance(value, float) and value > 0}

@@ -32,7 +32,7 @@ class Journal:
         hub.greetings.append(self._missed)
 
     def __call__(self, text: str, level: str = "info", why: str = "") -> None:
-        """Write a line to the log; may be called from any thread.
+        """Write a line to the log, and send it to the pages; may be called from any thread.
 
         Args:
             text: the line; this machine's paths are removed from it.

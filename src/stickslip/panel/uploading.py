@@ -31,7 +31,8 @@ _SUFFIXES = (".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".dat", ".lvm", ".m
 
 
 class Taken(Strict):
-    """Request to import an uploaded file as the recording `name`, with the arguments of `read_recording`.
+    """Request to import an uploaded file as the recording uploads/NAME.nc, with the arguments of
+    `read_recording`.
 
     `token` identifies the upload. `columns` and `units` have the index of the column and the unit of each
     channel. `sample_rate` is that of a file without times. `missing` is "error", or "drop" to leave out rows

@@ -110,12 +110,13 @@ class MoveFile(Analysis):
 
     `actuator` is the actuator on the (virtual) rig. The loop is tuned on `model`, by default the same
     actuator, or on `fit`, a results.json of an identification or a campaign. With a fit the loop must keep
-    its stability margins at both ends of each parameter's interval. It must also keep them for `draws` (of a
-    saved fit or a posterior) and at both ends of each `spread`, the relative uncertainty of a field such as
-    ``natural_frequency: 5 %``. `within` is the half width of the window around the target. `hold` is the time
-    at the target [s], `at_most` the longest time of a move [s]. `hold_within` is the largest rms error during
-    the hold. `interval` is the sampling interval of the recording [s]. `plausibility` overrides the limits
-    that follow from the model (`control.plausibility`).
+    its stability margins (`requirement`) at both ends of each parameter's interval. It must also keep them
+    for `draws` (of a saved fit or a posterior) and at both ends of each `spread`, the relative uncertainty of
+    a field such as ``natural_frequency: 5 %``. `walk` and `slip` describe the steps. `within` is the half
+    width of the window around the target. `hold` is the time at the target [s], `at_most` the longest time of
+    a move [s]. `hold_within` is the largest rms error during the hold. `interval` is the sampling interval of
+    the recording [s]. `plausibility` overrides the limits that follow from the model
+    (`control.plausibility`).
     """
 
     rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)
