@@ -1,9 +1,10 @@
 r"""Model of irregular steps of real stages, which a virtual rig adds to the equations of an actuator.
 
 The model covers the scatter of steps, their dependence on direction, noise of the slip threshold, relaxation
-after a stop, yielding end stops and temperature. The equations of an actuator do not contain its position, so
-a longer or shorter slip only shifts later positions. The slip s is the plastic part of the sliding
-displacement q: a play (backlash) of half width w, the deflection at which the contact yields,
+after a stop, yielding end stops and temperature. The equations of an actuator do not contain its position
+(unless its normal force depends on the position), so a longer or shorter slip only shifts later positions.
+The slip s is the plastic part of the sliding displacement q: a play (backlash) of half width w, the
+deflection at which the contact yields,
 
 .. math:: s_k = \min(\max(s_{k-1}, q_k - w), q_k + w).
 

@@ -218,11 +218,11 @@ def _wait(
         played: voltage at each update from the start of the drive [n], V.
         channels: channels of the recording by name.
         capture: settings of the recording.
-        span: duration of the drive, s.
+        span: duration of the drive, s; for an endless drive the length of the recording.
 
     Returns:
-        0 without a trigger. If the trigger is the drive, its known time after the start plus 5 ms; for any
-        other signal the duration of the drive.
+        0 without a trigger. If the trigger is the uncalibrated drive, its known time after the start plus 5
+        ms; for any other signal `span`.
 
     Raises:
         QuantityError: the trigger's signal is no channel.

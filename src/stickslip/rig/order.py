@@ -26,9 +26,9 @@ class Order(NamedTuple):
     thresholds for the position (with None the controller's own), and `second` is another input that measures
     the position.
 
-    `arm` is the reason for which the output is enabled for this run only; with "" it must be enabled already.
-    `Limits.heartbeat` counts from the last `Supervisor.beat` if the run is `operated` by a page, else from
-    the last `fetch` of the program.
+    `arm` is the reason for which the output is enabled for this run only; with "" it must be enabled already,
+    unless the rig is simulated or the run is at 0 V. `Limits.heartbeat` counts from the last
+    `Supervisor.beat` if the run is `operated` by a page, else from the last `fetch` of the program.
     """
 
     limits: Limits

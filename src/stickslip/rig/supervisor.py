@@ -1,4 +1,4 @@
-"""Supervision of a rig in the process that owns it: every run ends at 0 V, also without its client.
+"""Supervision of a rig in its own process: every run ends with a ramp to 0 V, also without its client.
 
 A run is a thread that fetches and checks the samples, even if no client asks for them. The run is ended, with
 a ramp to 0 V, when its client has been silent for too long or is gone.
@@ -38,7 +38,7 @@ _LOST = 1.0  # a call of the rig's `fetch` counts as hanging after `Limits.watch
 
 
 class Supervisor:
-    """The only object that talks to the rig: it starts, watches and stops runs, one at a time.
+    """Supervisor of a rig's runs: starts, watches and stops them, one at a time. Nothing else drives the rig.
 
     Args:
         home: origin of positions.

@@ -83,7 +83,7 @@ class WatchedRig:
         self._rig.load(volts)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs for `samples` samples, and call `armed`."""
+        """Record these inputs for `samples` samples, and call `armed`; the drive must be loaded before."""
         self._inputs, self._states, self._zeros = inputs, {}, {}
         self._skip = min(math.ceil(SETTLING * self.capabilities.sample_rate), self._before)
         self._rig.arm(inputs, samples)

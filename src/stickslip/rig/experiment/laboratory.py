@@ -32,7 +32,7 @@ from .file import ExperimentFile, OwnRigSpec, VirtualRigSpec
 class Laboratory(Protocol):
     """Source of the rigs that record the cells (recordings) of an experiment file.
 
-    `home` is the common origin of positions of all recordings.
+    `home` is the common origin of positions of all recordings; a `HostedRig` uses the home of its process.
     """
 
     home: Home

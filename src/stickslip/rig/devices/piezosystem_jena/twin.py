@@ -3,11 +3,11 @@ recorder on TCP.
 
 A sawtooth from the generator makes the stick-slip stage walk. The position sensor measures the end-effector
 (or the stage itself). Written after the maker's library `nv200` 1.6.0, without hardware. Assumed: a write is
-answered by XOFF XON alone; numbers have three decimals (the temperature has one, values of the generator's
-table have six); the output is constant between two generator values and keeps the last one when the generator
-ends; the closed loop is an integral controller that is updated every 5 ms; the current is 0; the error code
-of locked commands. Filters other than the slew rate and the low pass of the set point, SPI, ILC and trigger
-outputs are stored without effect.
+answered by XOFF XON alone; numbers other than integers have three decimals (the temperature has one, values
+of the generator's table have six); the output is constant between two generator values and keeps the last one
+when the generator ends; the closed loop is an integral controller that is updated every 5 ms; the current is
+0; the error code of locked commands. Filters other than the slew rate and the low pass of the set point, SPI,
+ILC and trigger outputs are stored without effect.
 """
 
 from __future__ import annotations
