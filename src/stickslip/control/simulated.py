@@ -66,6 +66,7 @@ def simulate_control(
             type or another rate; it returns a voltage that is not finite or outside the actuator's range; or
             a static stage would jump.
         SimulationError: the motion could not be simulated.
+        Exception: an error of the controller itself, such as MoveError, is passed on.
     """
     unit = unit_for(model, "m")
     hertz, seconds = SAMPLE_RATE.check(rate, "rate"), DURATION.check(duration, "duration")

@@ -105,6 +105,7 @@ def measure_steps(
     Raises:
         InterlockError: the positioner is not simulated, and the program not armed.
         RigError, QuantityError: from the positioner; or a reading is not a number.
+        OSError: `keep` cannot be written.
     """
     sigma, rows = math.sqrt(2.0) * _NOISE.check(noise, "noise"), _Rows(keep)
     need_armed(positioner)

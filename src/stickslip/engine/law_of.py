@@ -47,12 +47,12 @@ def law_of(record: Any, slowest: bool = False, interface: Interface = LAW) -> En
     A message on stderr says if a user's law runs as plain Python because it cannot be compiled.
 
     Args:
-        record: a law with an equation of its own; for a composed law, one of its elements.
+        record: a registered law with an equation of its own; for a composed law, one of its elements.
         slowest: True: run a user's law as plain Python, for instance to debug it.
         interface: declaration of the C struct: that of friction laws by default, or that of piezo models.
 
     Raises:
-        TypeError: the record is no law.
+        KeyError: the type of the record is not registered.
     """
     law_type = type(record)
     if law_type.__module__.startswith(f"stickslip.{interface.room}.") and not slowest:

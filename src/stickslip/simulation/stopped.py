@@ -65,8 +65,8 @@ def refuse_end_stops(
 ) -> None:
     """Raise QuantityError for end stops with which the model cannot be simulated.
 
-    Reasons are a clamped end-effector, a law without bristles, an energy account, or a start outside the
-    stops.
+    Reasons are an actuator with a clamped end-effector or a law without bristles, an energy account, or a
+    start outside the stops.
 
     Args:
         model: the actuator or pulled slider.
