@@ -36,8 +36,8 @@ class PlanGoal(NamedTuple):
         name: the goal in words: "all", the name of a parameter, or "steady step of" a waveform.
         own: mask [k] of the coordinates that belong to the actuator, not to the position channel; without
             parameters that no candidate identifies.
-        gradients: derivatives of the goal quantity by the coordinates [draws, k]; None: the goal is all
-            parameters of `own` together (D-optimal).
+        gradients: derivatives of the goal quantity (a coordinate, or the logarithm of a steady step) by the
+            coordinates [draws, k]; None: the goal is all parameters of `own` together (D-optimal).
     """
 
     name: str

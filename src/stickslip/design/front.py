@@ -23,7 +23,7 @@ from .search import Judge, Task, robust
 from .searched import Searched
 
 # Differential evolution. FACTOR: weight of the difference of two candidates, which is added to a third one.
-# CHANCE: probability that a coordinate of a candidate is replaced by that of this sum.
+# CHANCE: probability that a coordinate of a candidate is replaced by the coordinate of this sum.
 FACTOR, CHANCE = 0.5, 0.7
 # Number of candidates in the search for the first goal alone. The best drive of this search and the best
 # sawtooth, and copies of both with a smaller voltage swing, are part of the initial population.

@@ -123,7 +123,8 @@ def seen(
     position = motion.position(model, chain.delay)
     sizes = [abs(value_of(model, n)[0]) or np.inf for n in own]
     moves = np.abs(by[:, :-1]).max(axis=0, initial=0.0) * sizes > ROUNDING * np.ptp(position)
-    # A derivative that consists of rounding errors would count as information. The last one is by the delay.
+    # A derivative that consists of rounding errors would count as information, so it is set to 0. The last
+    # column, the derivative by the delay, is kept.
     by = by * np.append(moves, True)
     columns = dict(zip([*own, "delay"], by.T, strict=True)) | {"offset": np.ones(len(by)) / chain.scale}
     values = {p.name: p.start for p in (*space.parameters, *space.ties.beside) if not p.tied}

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 # small because at an optimum the contact may be at the limit of slip.
 SEARCHED = 1e-8
 REPORTED = (1e-11, 1e-12, 1e-10, 1e-9, 1e-8)
-# The same tolerances for a result with a static friction law. They are larger, because such a law has no
+# Tolerances for a result with a static friction law, likewise. They are larger, because such a law has no
 # derivatives, without which the search for a periodic motion is slow.
 REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
 

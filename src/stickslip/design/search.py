@@ -126,7 +126,7 @@ def robust(task: Task, starts: Array) -> Best:
     active = worst_of(merits[first], task.judge, np.zeros(0, np.int64))
     initial, spread, share, begun = starts[first], WIDE, task.budget, 0.0
     if len(starts) > 1 or task.conditions > 1:
-        # The search in one condition takes this share of the progress.
+        # The search in one condition takes this share of the whole progress.
         begun = 1.0 if task.conditions == 1 else 0.5
         part = task._replace(progress=lambda doing, done: task.progress(doing, begun * done))
         initial, tried, stopped = _of_one(part, starts, _worst(merits[first]))

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 # of points of the scan; AGAIN: number of points between the two in each round; ROUNDS: largest number of
 # rounds.
 SCANNED, AGAIN, ROUNDS = 65, 15, 12
-# Smallest net step that counts as one by default, m: the smallest step with which stick-slip actuators are
+# Smallest net step that counts as a step by default, m: the smallest one with which stick-slip actuators are
 # sold, and a hundred times the tolerance of the solver. Smaller motions may be creep: a law with presliding
 # creeps under any asymmetric periodic drive.
 LEAST_STEP = 10e-9

@@ -33,8 +33,8 @@ STICKS, FOLLOWS, DRAWN = 0, 1, 2
 # Lag of a spring that follows a rising strength, as a fraction of its deflection. The branch of an element
 # changes at multiples of this fraction.
 LAG = 1e-8
-# Largest lag of this kind within an integration step. A step with a smaller lag is not cut, because its end
-# corrects the lag.
+# Largest lag of a spring behind a rising strength within an integration step, as a fraction of its
+# deflection. A step with a smaller lag is not cut, because its end corrects the lag.
 STRAYS = 1e-3
 
 

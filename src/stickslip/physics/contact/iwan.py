@@ -1,5 +1,5 @@
-r"""Iwan's method: from the initial loading curve of a contact to the springs and sliders that reproduce it
-[iwan1966].
+r"""Iwan's method: from the initial loading curve or measured loops of a contact to the springs and sliders
+that reproduce them [iwan1966].
 
 Elastic-perfectly-plastic elements in parallel, with the stiffness density k(x) over the displacement x at
 which they slide, follow

@@ -107,7 +107,7 @@ def self_affine(
     for power in (1, 3, 5):
         flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
         left, ends = power - 1.0 - 2.0 * hurst, math.log(q_s / q_r)
-        # This is (q_s^left - q_r^left)/left, which is also finite for left = 0.
+        # The expression equals (q_s^left - q_r^left)/left, but is also finite for left = 0.
         fall = q_r**left * ends * float(scipy.special.exprel(left * ends))
         roots.append(math.sqrt(flat + q_r ** (2.0 + 2.0 * hurst) * fall))
     slope, curvature = (height * root / roots[0] for root in roots[1:])

@@ -24,7 +24,8 @@ class InductiveSensor(NamedTuple):
     The curve is a cubic spline through `voltages` [V] at `gaps` [m] between sensor and target, both
     ascending; beyond the first and last gap the curve is constant. `standoff` [m] is the gap at position 0;
     the gap grows with the position. The output, noise included, is limited to the range from 0 V (or the
-    lowest voltage of the curve, if negative) to the highest voltage of the curve.
+    lowest voltage of the curve, if negative) to the highest voltage of the curve. `bandwidth` is in Hz,
+    `delay` in s, `noise_density` in V/√Hz and `drift`, a random walk, in V/√s.
     """
 
     gaps: Annotated[tuple[float, ...], Quantity("m", "y", "gaps of the curve", minimum=0)]

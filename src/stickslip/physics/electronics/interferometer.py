@@ -51,7 +51,8 @@ def _counted(
 @registry.sensors.add
 @record
 class Interferometer(NamedTuple):
-    """Laser interferometer: its output is the position, m, in whole steps of its resolution."""
+    """Laser interferometer: its output is the position, m, after a `delay` [s] and with noise of the
+    `noise_density` [m/√Hz], in whole steps of the `resolution` [m]."""
 
     resolution: Annotated[float, Quantity("m", "δ", "one count", above=0)]
     delay: Annotated[float, Quantity("s", "t_d", "delay", minimum=0)] = 0.0
@@ -68,8 +69,8 @@ class Interferometer(NamedTuple):
 @registry.sensors.add
 @record
 class Encoder(NamedTuple):
-    """Incremental encoder of a rotary stage: its output is the angle, rad, in whole steps of its
-    resolution."""
+    """Incremental encoder of a rotary stage: its output is the angle, rad, after a `delay` [s] and with noise
+    of the `noise_density` [rad/√Hz], in whole steps of the `resolution` [rad]."""
 
     resolution: Annotated[float, Quantity("rad", "δ", "one count", above=0)]
     delay: Annotated[float, Quantity("s", "t_d", "delay", minimum=0)] = 0.0

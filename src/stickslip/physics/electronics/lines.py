@@ -15,8 +15,8 @@ from ...waveform.drive import Drive
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-# Largest number of parts into which a segment of a drive is divided first, each of which then has its own
-# number of lines.
+# Largest number of parts into which a segment of a drive is divided first; then the number of lines is
+# determined for each part.
 _COARSE = 64
 
 

@@ -25,7 +25,8 @@ class StrainGauge(NamedTuple):
 
     .. math:: \Delta L = s\,(u + u_0)
 
-    with the elongation ΔL [m], the `sensitivity` s [m/V], the voltage u and the `offset` u_0 [V].
+    with the elongation ΔL [m], the `sensitivity` s [m/V], the voltage u and the `offset` u_0 [V]. `bandwidth`
+    is in Hz, `noise_density` in V/√Hz and `drift`, a random walk, in V/√s.
     """
 
     sensitivity: Annotated[float, Quantity("m/V", "s", "elongation per volt")]
