@@ -1,9 +1,10 @@
 r"""Priors of friction parameters from contact mechanics: values, each with a stated width.
 
-A width is a factor within which 68 % lie on either side (a normal distribution of the logarithm). Logarithms
-of independent factors add in quadrature: the factor of the friction coefficient (lists of one pair differ by
-1.5 and more), of γ (see `persson`), of the number of contacts, of the roughness (assumed: 1.3), and of the
-theory itself, assumed to be 2: films, plastic summits, and compliance in series make real contacts softer
+A width is a factor within which 68 % of real contacts lie on either side of the value (a normal distribution
+of the logarithm). The factor of the Coulomb force is that of the friction coefficient (lists of one pair
+differ by 1.5 and more). For the stiffness, the logarithms of independent factors add in quadrature: of γ (see
+`persson`), of the number of contacts, of the roughness (assumed: 1.3) or the radius of a ball (1.1), and of
+the theory itself, assumed to be 2: films, plastic summits, and compliance in series make real contacts softer
 than elastic theory.
 
 .. math:: \sigma_0 = k_t, \qquad F_C = \mu P, \qquad \frac{1}{k_t} = \frac{1}{k_{contact}} +

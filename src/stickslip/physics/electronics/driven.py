@@ -2,8 +2,8 @@
 
 The target is approximated by straight lines, and the response of the amplifier to these has a closed form
 (see `charging`); each has half of the tolerance. A lag and a slope limit do not enlarge errors, so the
-tolerance is a bound. With current foldback (see `amplifier`), the switching time depends on the target: both
-are then computed with an eighth of the tolerance, which is an estimate.
+tolerance is a bound. With current foldback (see `amplifier`), the switching time depends on the target:
+target and response are then computed with an eighth of the tolerance, and the tolerance is an estimate.
 
 Under a periodic drive the response becomes periodic. The last computed period is repeated once the remaining
 drift of all later periods together is a small part of the tolerance.
