@@ -1,4 +1,4 @@
-"""Write the XML files of an FMU for FMI 2.0 and 3.0: modelDescription.xml and buildDescription.xml."""
+"""Texts of an FMU's XML files: modelDescription.xml for FMI 2.0 and 3.0, buildDescription.xml for 3.0."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def model_description(
         token: GUID in braces; the importer passes it to the binary, which so recognises its own description.
         title: description of the model in one line.
         made: date and time of the export, ISO 8601 in UTC.
-        found: all variables of the FMU.
+        found: all variables of the FMU, without the time, which FMI 3.0 needs and which is added here.
         step: suggested communication step (step of the default experiment), s.
     """
     name = {2: "guid", 3: "instantiationToken"}[version]

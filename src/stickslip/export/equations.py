@@ -1,5 +1,5 @@
-"""Write stickslip_equations.h and stickslip_layout.h: a model's equations in C, translated from the Python
-functions that the package's solvers compile."""
+"""Texts of stickslip_equations.h and stickslip_layout.h: a model's equations in C, translated from the Python
+functions that the package's solvers compile, and the sizes of its arrays."""
 
 from __future__ import annotations
 
@@ -71,7 +71,8 @@ def equations(model: Any, chain: SignalChain, step: float, any_layout: bool) -> 
             elements the model has, and the integrator is slower.
 
     Raises:
-        TranslationError: a function of the law is outside the subset of Python that can be translated.
+        TranslationError: a function is outside the subset of Python that can be translated, or the law's
+            elements are records of different types.
         QuantityError: the delay of the position channel is negative.
     """
     made = Translation()
@@ -222,8 +223,9 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
 def room(model: Any) -> dict[str, Any]:
     """Return the engine's array sizes by macro name: the largest over all layouts that parameters allow.
 
-    The keys are LARGEST_MODES (stage modes and end-effector), LARGEST_ELEMENTS (contacts and two-port) and
-    LARGEST_STATES (positions and velocities, bristles, two-port elements).
+    Values are numbers, or C expressions as text. The keys are LARGEST_MODES (stage modes and end-effector),
+    LARGEST_ELEMENTS (contacts and two-port) and LARGEST_STATES (positions and velocities, bristles, two-port
+    elements).
     """
     port, law = getattr(model, "two_port", None), model.friction
     further = getattr(model, "further_modes", None)
@@ -241,7 +243,7 @@ def room(model: Any) -> dict[str, Any]:
 def layout(model: Any) -> str:
     """Return the text of stickslip_layout.h, without its first comment.
 
-    Its macros are the engine's sizes for this model's layout (bodies, stage modes, elements of the friction)
+    The macros are the engine's sizes for this model's layout (bodies, stage modes, elements of the friction)
     or, if STICKSLIP_ANY_LAYOUT is 1, for any layout that the parameters allow.
     """
     fixed = sizes(system(model).plant, "stickslip")
@@ -277,7 +279,7 @@ def _checks(made: Translation, owner: str, kind: Record) -> list[str]:
 
     Args:
         made: translation, to which the record's own check is added.
-        owner: C expression of the record.
+        owner: C expression of the record; a name alone, without "." or "->", is a pointer.
         kind: type of the record.
     """
     lines, specs = [], quantities(kind.record_class)

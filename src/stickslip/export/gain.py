@@ -1,7 +1,8 @@
 """Compute the gain of the observer, which estimates a model's state from measured end-effector positions.
 
-A Kalman filter is computed for each state of the contact (sticking or sliding). The gain with the smallest
-error in its worst state of the contact is taken.
+A Kalman filter is computed for each state of the contact (sticking or sliding). Among these gains and some
+that correct the end-effector alone, the gain with the smallest error in its worst state of the contact is
+taken.
 """
 
 from __future__ import annotations
@@ -35,12 +36,13 @@ _DOUBLINGS = 36
 def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     """Return the gain of the observer, or None if no gain bounds the error wherever the contact can stay.
 
-    The motion is linearised at each possible state of the contact (`contacts`). The Kalman filter of each
-    state, and gains that correct only the end-effector, are tried in all states. The gain with the smallest
-    stationary error in its worst state is taken. The error may grow in states that the contact only passes
-    through, where friction falls with speed and the model itself diverges. The filters assume unknown forces
-    on both bodies as white noise of a tenth of the friction. A stage that follows the input exactly is not
-    corrected.
+    The motion is linearised at several states of the contact (`contacts`). The Kalman filter of each state,
+    and gains that correct only the end-effector, are tried in all states. The error may grow only in states
+    that the contact only passes through, where friction falls with speed and the model itself diverges. The
+    gain with the fewest of these states is taken, and among equals the gain with the smallest stationary
+    error in its worst other state. The filters assume unknown forces on both bodies as white noise of a tenth
+    of the friction. A stage that follows the input exactly is not corrected. None is also returned if the
+    step is too long for single precision (`_HELD`).
 
     Args:
         model: actuator or pulled slider.

@@ -41,12 +41,14 @@ class ContactSlopes(NamedTuple):
 
 
 class Method:
-    """Linearised motion of stage, end-effector and bristle; `after` adds the contact and returns a step.
+    """Linearised motion of stage, end-effector and bristle; `after` adds the contact and gives a step's
+    matrix.
 
     `size` is the number of components of the state, `stage` has the indices of the stage's positions, one for
     each mode. `clamped` is True if the end-effector is fixed to the stage, `kinematic` if the stage follows
-    the input exactly. `push` is the rate of change of the state per friction force, `forces` the same for
-    unit forces on stage and end-effector.
+    the input exactly. `motion` is the matrix from the state to its rate of change without friction, `push`
+    the rate of change of the state per friction force, and `forces` the same for unit forces on stage and
+    end-effector. `speed` times the state is the sliding velocity, stage minus end-effector.
 
     Args:
         model: actuator or pulled slider.
@@ -105,7 +107,8 @@ def contacts(law: Any, h: float, mobility: float) -> tuple[list[ContactSlopes], 
     Args:
         law: friction law.
         h: duration of the step, s, which determines the sliding speeds.
-        mobility: acceleration of the end-effector per friction force, 1/kg, or 1/(kg m^2) for a rotary one.
+        mobility: acceleration of the end-effector per friction force, 1/kg, or 1/(kg m^2) for a rotary one;
+            used only for a law without presliding.
 
     Returns:
         The linearised contact in each state, and the largest friction force of the contact at low speed, N,

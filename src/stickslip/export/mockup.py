@@ -57,7 +57,7 @@ def export_fmu(
 
     Args:
         source, amplifier, piezo_capacitance, sensor, chain, measurement_noise: as for `export_c`.
-        out: new folder for the FMU, whose name consists of the model's name and the mode.
+        out: new folder for the file of the FMU, "MODEL_MODE.fmu" with the model's name and the mode.
         fmi: version of FMI, 2 or 3.
         mode: "plant" (drive voltage in, motion out), "observer" (drive voltage and measured position in,
             estimated motion out) or "feedforward" (wanted motion in, drive voltage out).
@@ -70,9 +70,9 @@ def export_fmu(
         The path of the FMU.
 
     Raises:
-        ExportError: the source cannot be exported in this mode or version, `out` exists, or the compiler is
-            missing or fails.
-        TranslationError, ParameterSetError, QuantityError: for the same reasons as from `export_c`.
+        ExportError: the source cannot be exported in this mode or version, no gain of the observer is stable,
+            `out` exists, or the compiler is missing or fails.
+        TranslationError, ParameterSetError, QuantityError, OSError: for the same reasons as from `export_c`.
     """
     h = checked_step(step)
     farad = optional_si(piezo_capacitance, "F", "piezo_capacitance")

@@ -1,4 +1,4 @@
-"""Write the stage's vibration modes after the first one in C: functions that return their numbers.
+"""C code of the stage's vibration modes after the first one: functions that return their numbers.
 
 The engine simulates all modes.
 """
@@ -15,8 +15,8 @@ def modes_c(made: Translation, model: Any) -> list[str]:
     """Return C lines of the vibration modes after the first one of the stage of `model`.
 
     They are the macro STICKSLIP_FURTHER, the number of these modes, and, if there are any, two functions of a
-    mode's index, translated by `made`. These return its record ss_Mode, and its acceleration per unit of the
-    contact's force.
+    mode's index. These return the mode's record ss_Mode, and its acceleration per unit of the contact's
+    force. `made` is the translation, to which their types and functions are added.
     """
     modes = getattr(model, "further_modes", None)
     count = 0 if modes is None else len(modes.gain)

@@ -1,5 +1,4 @@
-"""Write hysteresis and creep of a piezo in C, as loops over translated functions of
-`stickslip.physics.piezo`.
+"""C code of a piezo's hysteresis and creep, as loops over translated functions of `stickslip.physics.piezo`.
 
 Within a step the voltage is linear in time. The output of the hysteresis is approximated as linear, too, and
 creep is exact for a linear input. The engine simulates the elements of a `MaxwellCapacitor`, a two-port:
@@ -104,8 +103,9 @@ def felt(gain, stage_mass, natural_frequency, capacitance):  # type: ignore[no-u
 def two_port_c(made: Translation, model: Any) -> list[str]:
     """Return C lines for the elements ("stops") of a `MaxwellCapacitor`; [] if the model has none.
 
-    The engine simulates a stop as an element of a friction law. The lines contain the law, `felt` in C, and a
-    function that computes the numbers of all stops.
+    The engine simulates a stop as an element of a friction law. The lines contain the law (unless the model's
+    friction has it already), `felt` in C, and a function that computes the numbers of all stops. `made` is
+    the translation, to which types and functions are added.
     """
     port = getattr(model, "two_port", None)
     if port is None:

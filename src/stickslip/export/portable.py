@@ -66,16 +66,17 @@ def export_c(
         step: time step of the example programs and of the observer's gain, s; the plant takes any step.
         waveform: waveform of the example; by default a sawtooth of 65 V (or what the actuator takes) and 5
             Hz, which falls in 0.4 ms where the model cannot follow a jump (a static stage with a presliding
-            law, a `MaxwellCapacitor`).
+            law, a `MaxwellCapacitor`); for a pulled slider one of 0.1 mm and 1 Hz.
         duration: played part of the waveform, s; by default its own duration, or eight periods if that is
             infinite.
         motion: motion of the feedforward example, a waveform in m, or rad for a rotary actuator; by default a
-            sine of a tenth of the stroke.
+            sine of a tenth of the stroke. A pulled slider has no such example.
         amplifier: amplifier between the input and the piezo; needs the `piezo_capacitance` [F].
         sensor: a linear sensor on the end-effector, with its bandwidth.
         chain: measuring channel of the end-effector's position, instead of a sensor: the exported output is
             delayed, in m or rad. Without an amplifier, its slew rate limits the drive voltage. By default the
-            chain of a fit of walks or of a campaign's results.json; a delay below 0 is ignored.
+            chain of a fit of walks or of a campaign's results.json, with 0 instead of a negative delay; a
+            negative delay in `chain` itself is an error.
         measurement_noise: standard deviation of a measured position, m, or rad for a rotary actuator, for the
             observer's gain.
 
@@ -83,9 +84,9 @@ def export_c(
         The path of the folder.
 
     Raises:
-        ExportError: the source cannot be exported, or `out` exists.
+        ExportError: the source cannot be exported, no gain of the observer is stable, or `out` exists.
         TranslationError: the law is not written in the subset of Python that can be translated to C.
-        ParameterSetError, QuantityError: a file or a value is wrong.
+        ParameterSetError, QuantityError: a file or a value is wrong, or the model cannot follow the waveform.
         OSError: a file cannot be written.
     """
     h = checked_step(step)
@@ -149,6 +150,7 @@ def core_files(
     Raises:
         ExportError: no gain of the observer is stable.
         TranslationError: the friction law cannot be translated to C.
+        QuantityError: the delay of the position channel is negative.
     """
     head = heading(found)
     files = {name: (C / name).read_text(encoding="utf-8") for name in CORE}
@@ -182,7 +184,8 @@ def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
         noise: standard deviation of a measured position, m, or rad for a rotary actuator.
 
     Raises:
-        ExportError: no gain is stable; the message names a shorter step with a stable gain, if there is one.
+        ExportError: no gain is stable; the message names a shorter step with a stable gain, if repeated
+            halving down to 1 ns finds one.
     """
     does, why = None, "none is stable"
     try:
@@ -255,8 +258,9 @@ def signal_chain(
 ) -> SignalChain:
     """Check the devices around the actuator, and return the amplifier and the sensor to export.
 
-    A signal chain of the position channel replaces the sensor. If there is no amplifier and the chain's slew
-    rate is known, an amplifier with this slew rate and no other limits is added.
+    A signal chain of the position channel takes the place of a sensor. If there is no amplifier and the
+    chain's slew rate is known, an amplifier with this slew rate and the model's voltage range is added; its
+    bandwidth is so large, and its current so unlimited, that they have no effect.
 
     Args:
         found: the model, with the chain that recordings determined, which is used if `chain` is None.
@@ -313,9 +317,9 @@ def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform
 def _default_motion(model: Actuator, h: float) -> Waveform:
     """Return the wanted motion of the feedforward example: a sine of the stage's displacement, m or rad.
 
-    Its frequency is about 10 Hz. Its amplitude is a tenth of the displacement at 65 V (or at the largest
-    voltage, if that is less), around half of this displacement. Its period is a whole number of steps h [s],
-    so that a table of one period can be repeated.
+    Its frequency is about 10 Hz, or lower so that a period has at least 20 steps. Its amplitude is a tenth of
+    the displacement at 65 V (or at the largest voltage, if that is less), around half of this displacement.
+    Its period is a whole number of steps h [s], so that a table of one period can be repeated.
     """
     reach = 0.1 * abs(model.gain) * min(65.0, model.max_voltage)
     middle = 5.0 * reach + model.gain * max(0.0, model.min_voltage)

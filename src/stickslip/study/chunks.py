@@ -1,4 +1,5 @@
-"""Chunk files of a study's store, each written completely or not at all, with a checksum.
+"""Chunk files of a study's store, each written completely or not at all, with a checksum; safe reading of
+files.
 
 A chunk has the form of Zarr (format 3): little-endian numbers, or texts as `vlen-utf8` compressed by gzip
 (RFC 1952), followed by their CRC-32C (RFC 3720). The comment of the gzip header, which readers of Zarr
@@ -41,7 +42,9 @@ _GZIP = b"\x1f\x8b\x08\x10" + bytes(4) + b"\x04\xff"
 
 
 class ChunkError(Exception):
-    """Error: a file of a store is missing or damaged, or a text is too large; the message says why."""
+    """Error: a file of a store is missing, damaged, too large, of another task or outside the store, or texts
+    are too large; the message says why.
+    """
 
 
 def part_beside(path: Path) -> Path:
@@ -88,7 +91,9 @@ def checksum(data: bytes) -> int:
 
 
 def with_comment(data: bytes, comment: bytes) -> bytes:
-    """Return complete gzip data: a header that contains `comment`, then `data`, the part after the header."""
+    """Return complete gzip data: a header that contains `comment` (without zero bytes), then `data`, the part
+    after the header.
+    """
     return b"".join([_GZIP, comment, b"\0", data])
 
 
@@ -243,7 +248,7 @@ def plain_file(store: Path, name: str, most: int) -> Iterator[io.BufferedReader]
 
     Raises:
         ChunkError: the file is missing, too large or not readable, is no regular file (such as a device), or
-            a link leads out of the store.
+            a link leads out of the store. An OSError within the context becomes a ChunkError, too.
     """
     try:
         with opened(in_store(store, name)) as file:

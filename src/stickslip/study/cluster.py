@@ -1,9 +1,9 @@
 """Computation of a study's tasks on the workers of a dask scheduler; all workers must see the store's folder.
 
 The scheduler is sent only the number of a task and the path of a file in the store. The file describes the
-study and has its hash in its name; a worker reads it once, before its first task. So workers that join later,
-and a restarted scheduler, need no other data. The scheduler gets a few tasks for each thread of a worker at a
-time. If the connection to the scheduler is lost, the run tries to connect again.
+study, and its name contains the hash of its content; a worker reads the file once, before its first task. So
+workers that join later, and a restarted scheduler, need no other data. The scheduler gets a few tasks for
+each thread of a worker at a time. If the connection to the scheduler is lost, the run tries to connect again.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from .task import Done, Load, received, run_task
 
 # Unfinished tasks that the scheduler has, per worker thread: with LEFT or fewer, tasks are sent until there
 # are AHEAD. One message with many tasks costs less than many messages.
-# PATIENCE: time for which a lost scheduler is tried again before the run gives up, s.
+# PATIENCE: time for which the run tries to reconnect to a lost scheduler before it gives up, s.
 AHEAD, LEFT, PATIENCE = 3, 2, 60.0
 
 # Start of the name of a file in the store: a pickled `Load` for the workers. The file's hash completes the
@@ -48,6 +48,9 @@ _PREPARING = threading.Lock()
 
 def one_task(path: str, number: int) -> None:
     """Compute one task on a worker and write its results to the store; nothing is sent back.
+
+    The first task of a study in a worker process also reads the study, imports the user's files, and limits
+    numerical libraries to one thread (`ONE_THREAD`) for the rest of the process.
 
     Args:
         path: path of the file that describes the study, see `LOAD`.
@@ -88,13 +91,15 @@ def run_on_cluster(
 ) -> dict[int, str]:
     """Compute tasks on the workers of a dask scheduler, which write the results to the store.
 
-    If the connection is lost, tasks that the store does not have yet are sent again after reconnection.
+    If the connection is lost, tasks that the store does not have yet are sent again after reconnection. The
+    `LOAD` file is written into the store, and removed at the end unless an error is raised.
 
     Args:
         load: study and files that each worker reads before its first task.
         todo: numbers of the tasks.
         address: address of the scheduler, "tcp://host:8786".
-        heard: called with the report of each finished task.
+        heard: called with the report of each finished task. The report's time counts from the sending of the
+            task, and its number of failed members is always 0.
 
     Returns:
         The errors of tasks that failed in three attempts, by number of the task; empty if all are done.
@@ -102,6 +107,7 @@ def run_on_cluster(
     Raises:
         StudyError: the scheduler does not answer, or no more for `PATIENCE` seconds; a worker cannot compute
             this study; the disk is full; or the study was asked to stop.
+        OSError: the `LOAD` file cannot be written.
     """
     tasks, store, lost = Tasks(waiting=todo[::-1]), Store(load.store), 0.0
     data = pickle.dumps(load)
@@ -151,7 +157,8 @@ def _run(
 ) -> bool:
     """Send tasks to the scheduler until each is done, or has failed in three attempts.
 
-    Late tasks are also sent to another worker if no other tasks are left.
+    Late tasks are also sent to another worker if no other tasks are left. At the end, sent tasks that are
+    still running are cancelled.
 
     Args:
         client: connection to the scheduler.

@@ -20,9 +20,9 @@ from .store import Store
 
 
 class StudyComparison(NamedTuple):
-    """Difference of one variable between two stores, over the members that are computed in both.
+    """Difference of one result between two stores, over the members that are computed in both.
 
-    `name` is the variable's name. `members` is the number of members that differ. `greatest` is the largest
+    `name` is the result's name. `members` is the number of members that differ. `greatest` is the largest
     difference of two numbers in `unit`, NaN if no two numbers differ. `alone` is the number of members with a
     number in one store and NaN in the other; they also count as different.
     """
@@ -39,7 +39,8 @@ class Compared(NamedTuple):
 
     `said` lists the differences between the studies' descriptions, in words. `only_first` and `only_second`
     are the numbers of members that are computed in one store only, `both` is the number of members computed
-    in both. `variables` has a `StudyComparison` for each variable that both stores contain.
+    in both. `variables` has a `StudyComparison` for each result that both stores contain, status and reason
+    included. The varied values of random designs and of draws are not compared.
     """
 
     said: list[str]
@@ -50,7 +51,7 @@ class Compared(NamedTuple):
 
     @property
     def equal(self) -> bool:
-        """Return True if the same members are computed, with equal values in all common variables.
+        """Return True if the same members are computed, with equal values of all common results.
 
         Equal means without a tolerance; NaN equals NaN. The studies' descriptions (`said`) may differ.
         """
@@ -62,12 +63,12 @@ def compare_studies(
 ) -> Compared:
     """Compare the results of two studies over the same members.
 
-    Both stores are first checked completely for damage. The comparison then reads one task of the first store
-    at a time, so that the memory suffices for large stores.
+    If the dimensions agree, both stores are checked completely for damage. The comparison then reads one task
+    of the first store at a time, so that the memory suffices for large stores.
 
     Args:
         first, second: folders of the stores. The studies may differ, but not in names and sizes of their
-            dimensions, nor in the values of a grid.
+            dimensions, nor in the values of a grid or of a result's own dimension, such as time.
         progress: called after each task with a text and the finished fraction, from 0 to 1.
 
     Returns:
@@ -75,7 +76,7 @@ def compare_studies(
 
     Raises:
         StudyError: a folder is no store of a study, or a store is damaged.
-        StudyDiffers: dimensions, or values of a grid, differ.
+        StudyDiffers: dimensions differ, or values of a grid or of a result's own dimension.
     """
     a, b = Store(first), Store(second)
     if (a.layout.dims, a.layout.shape) != (b.layout.dims, b.layout.shape):
@@ -129,7 +130,8 @@ def merge_studies(
     Args:
         stores: folders of stores of the same study, with tasks of the same size.
         into: folder of a new store, or of an existing store of the study, which gets the tasks that it lacks.
-        progress: called after each copied task with a text and the finished fraction, from 0 to 1.
+        progress: called after each copied task with a text and the task's number over the number of all
+            tasks, from 0 up to below 1; it starts again with each of `stores`.
 
     Returns:
         The number of unfinished tasks of the study, which none of the stores has.
@@ -137,7 +139,8 @@ def merge_studies(
     Raises:
         StudyDiffers: the stores belong to different studies, or have tasks of different sizes.
         StudyError: there are no stores, a folder is no store of a study, or a task is damaged and no other
-            store has it undamaged; the undamaged tasks are copied all the same.
+            store has it undamaged (the undamaged tasks are copied all the same), or `into` cannot be created.
+        OSError: a task cannot be written.
     """
     sources = [Store(path) for path in stores]
     if not sources:

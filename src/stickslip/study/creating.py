@@ -38,9 +38,10 @@ def create(
     inner: Mapping[str, xr.DataArray],
     title: str,
 ) -> None:
-    """Create a store with all metadata and no results; do nothing if another process has just created it.
+    """Create a store with all metadata and no results; a store that another process has just created stays.
 
-    The store is written to a temporary folder, which is then renamed, so that it appears complete.
+    The store is written to a temporary folder, which is then renamed, so that it appears complete. Missing
+    parent folders are made.
 
     Args:
         path: folder of the new store.
@@ -51,9 +52,10 @@ def create(
         title: title of the study; "" for none.
 
     Raises:
-        QuantityError: a name cannot be the name of a variable, the metadata are too large, or there are too
-            many tasks.
-        StudyError: the folder contains something else, or the disk is full.
+        QuantityError: a name cannot be the name of a variable, the metadata or a task's results are too
+            large, or there are too many tasks or dimensions.
+        StudyError: the folder contains something else, or cannot be written, for example on a full disk.
+        ModuleNotFoundError: the package zarr is not installed.
     """
     path = Path(path)
     begun = part_beside(path)

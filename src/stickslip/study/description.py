@@ -17,7 +17,7 @@ from ..quantities.units import own_unit
 from .own import OwnFunction, content_hash
 from .points import Grid, Part, Random
 
-# Largest number of values of an array that a description lists; of a longer array it has size and hash.
+# Largest number of values of an array that a description lists; a longer array is replaced by size and hash.
 SHOWN = 64
 
 
@@ -59,8 +59,8 @@ def identity(description: Mapping[str, Any]) -> str:
 def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
     """Return the differences between two descriptions, as texts "PLACE: VALUE there, VALUE here".
 
-    There is one text for each differing value. `there` is the description in a store and `here` the
-    description of the present study.
+    There is one text for each differing value; VALUE is cut to 80 characters, and is "nothing" if only the
+    other description has it. `there` is the description in a store and `here` that of the present study.
     """
     first, second = (dict(_leaves(one)) for one in (there, here))
     return [

@@ -32,14 +32,18 @@ class Study:
     Args:
         points: a `Grid`, a `Random` design, `Draws`, or several of them: all combinations.
         measure: computation for each member: `SteadySteps`, `WalksFromRest` or a function of your `Own`.
-        summary: a function of your own, or ``"FILE.py:NAME"``, that is given the dataset of some members (as
-            `steady_steps` or `simulate_ensemble` returns it, with trajectories if requested)
+        summary: a function of your own, or ``"FILE.py:NAME"``, that is given the dataset of some members (the
+            results of `measure`, with trajectories if requested, and the varied values)
             and returns arrays [member] by name, or `xarray.DataArray` with units in their attributes.
         keep: names of the results to keep besides status and reason; by default all, except trajectories
             if there is a summary. The summary's own results are always kept.
-        task: number of members per task. A worker computes one task at a time, and a crash loses
+        task: largest number of members per task. A worker computes one task at a time, and a crash loses
             the unfinished tasks. The default depends on the study alone, not on the machine.
         title: title of the study.
+
+    Raises:
+        QuantityError: `task` is no whole number above 0.
+        RegistryError: `summary` is no function that other processes can import.
     """
 
     points: Part | Sequence[Part]
@@ -95,7 +99,8 @@ class Study:
     def computed(self, columns: Columns) -> xr.Dataset:
         """Compute some members; return the results to keep over "member", with status and reason last.
 
-        A member that cannot be computed has a status other than 0, and its error as the reason.
+        A member that cannot be computed has a status other than 0, and its error as the reason. A result with
+        the name of a varied value is left out.
 
         Args:
             columns: varied values of the members by name, arrays [members] in SI, as from `columns`.
@@ -149,7 +154,10 @@ class Study:
         return Layout(self.dims, self.shape, cut(self.shape, task), (*varied, *found))
 
     def inner(self) -> dict[str, xr.DataArray]:
-        """Return the coordinates of dimensions that results have besides "member", such as time, by name."""
+        """Return the coordinates of dimensions that results have besides "member", such as time, by name.
+
+        They are found by computing two members, as for `layout`.
+        """
         made = self._trial
         return {str(name): c for name, c in made.coords.items() if name != "member"}
 

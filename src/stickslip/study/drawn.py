@@ -29,7 +29,7 @@ SAME = 1e-6
 def drawn_parameters(
     source: Fit | Posterior | Mapping[str, ArrayLike], model: Actuator, count: int, seed: int
 ) -> dict[str, Array]:
-    """Return random draws of a model's parameters, arrays [count] in SI by name.
+    """Return random draws of an actuator's parameters, arrays [count] in SI by name.
 
     Draws from a fit are normally distributed in the fit's coordinates (such as logarithms); draws beyond a
     bound are set to the bound, and parameters that lie at a bound are fixed. Draws from a posterior, or from
@@ -44,7 +44,8 @@ def drawn_parameters(
 
     Raises:
         QuantityError: the source contains no parameter of the model, arrays have an unknown name or different
-            lengths, a fit does not determine a parameter, or the model has other values than the fit.
+            lengths or a wrong unit, a fit does not determine a parameter, the model has other values than the
+            fit, or the source is of another type.
     """
     random = np.random.default_rng(seed)
     if isinstance(source, Posterior):

@@ -6,13 +6,14 @@ STOPPED = "stopped, as was asked: what is finished is kept, and the same command
 
 
 class StudyError(Exception):
-    """Error: a study cannot continue, because the disk is full, workers die, or tasks fail on all workers.
+    """Error: a study cannot start or continue, or its store cannot be read.
 
-    Finished tasks are kept; the same call resumes the study.
+    Reasons are a full disk, workers that cannot compute, tasks that fail three times, a requested stop, and a
+    missing or damaged store. Finished tasks are kept; the same call resumes the study.
     """
 
 
 class StudyDiffers(ValueError):
-    """Error: a store belongs to another study, or two stores to different ones; the message has the
-    differences.
+    """Error: a store belongs to another study or has tasks of another size, or two stores differ so; the
+    message has the differences.
     """

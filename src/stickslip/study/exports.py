@@ -24,13 +24,14 @@ def export_study(
 ) -> int:
     """Write the results computed so far to a file; its ending selects the format.
 
-    A ``.nc`` file contains everything. A ``.parquet`` file (extra ``stickslip[parquet]``) or ``.csv`` file
-    has a line for each computed member: its varied values and results, without results over further
-    dimensions such as time. Tables are written task by task; NetCDF takes the memory of all results.
+    A ``.nc`` file contains everything, with fill values for members that are not computed. A ``.parquet``
+    file (extra ``stickslip[parquet]``) or ``.csv`` file has a line for each computed member: its varied
+    values and results, without results over further dimensions such as time. Tables are written task by task;
+    NetCDF takes the memory of all results.
 
     Args:
         store: folder of the study.
-        file: path of the new file; an existing file is replaced.
+        file: path of the new file; an existing file is replaced, and a missing folder is made.
         progress: called with a text and the finished fraction, after each task or, for NetCDF, at the end.
 
     Returns:

@@ -108,7 +108,8 @@ class Layout(NamedTuple):
     def key(self, variable: StudyVariable, number: int) -> str:
         """Return the path of the file with a variable's chunk of the task `number`, relative to the store.
 
-        It is "VARIABLE/c/I/J/...", with the task's index along each dimension and 0 for each `inner` one.
+        The path is "VARIABLE/c/I/J/...", with the task's index along each dimension of the variable, and 0
+        for each `inner` dimension.
         """
         at = dict(zip(self.dims, np.unravel_index(number, self.counts), strict=True))
         return "/".join(
@@ -174,7 +175,8 @@ def check_layout(layout: Layout) -> None:
 
     Names must be identifiers, because others could lead out of the store. Numbers of dimensions and tasks and
     sizes of chunks have limits. The last variable must be the status, over all dimensions, with the meanings
-    of its codes; just one variable, the reason, must be of texts.
+    of its codes; just one variable, the reason, must be of texts. Missing attributes of the status raise
+    LookupError.
     """
     for name in (*layout.dims, *(v.name for v in layout.variables)):
         if not str(name).isidentifier():

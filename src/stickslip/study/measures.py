@@ -56,7 +56,7 @@ class SteadySteps:
     def computed(self, columns: Columns) -> xr.Dataset:
         """Compute the steady steps of members; return the results of `steady_steps` over "member".
 
-        A failed member raises no error: its status and reason tell it.
+        A failed member raises no error: its status and reason state the failure.
 
         Args:
             columns: varied values by name, arrays [members] in SI.
@@ -80,7 +80,8 @@ class WalksFromRest:
 
     Args:
         model, waveform: actuator and drive of all members, except for the fields that the study varies.
-        duration: simulated time, s; by default the duration of each member's waveform.
+        duration: simulated time, s; by default the duration of the waveform, without `sample_rate` of each
+            member's own waveform.
         sample_rate: sample rate of trajectories, Hz; by default there are only results with one number per
             member, no trajectories.
         tolerance: allowed error of the position, m, or rad for a rotary actuator.
@@ -106,7 +107,8 @@ class WalksFromRest:
     def computed(self, columns: Columns) -> xr.Dataset:
         """Simulate members; return the results of `simulate_ensemble` over "member".
 
-        Trajectories are over "time", too. A failed member raises no error: its status and reason tell it.
+        Trajectories are over "time", too. A failed member raises no error: its status and reason state the
+        failure.
 
         Args:
             columns: varied values by name, arrays [members] in SI.
@@ -138,6 +140,9 @@ class Own:
     Args:
         function: a function of a module or a file, or ``"FILE.py:NAME"``.
         units: SI unit of each varied value, by name; values without a unit here are plain numbers.
+
+    Raises:
+        RegistryError: other processes cannot import the function.
     """
 
     function: Callable[..., Any] | str | OwnFunction

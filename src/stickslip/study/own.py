@@ -19,7 +19,8 @@ from ..quantities.registry import RegistryError, allowed_file, origin, own_path,
 class OwnFunction:
     """A user's function: the path of its file, its name, and the file's SHA-256 hash (`content`).
 
-    It can be pickled, called like the function, and imported by other processes.
+    The object can be pickled, called like the function (positional arguments only), and used by other
+    processes, which import the file.
     """
 
     path: str
@@ -27,7 +28,7 @@ class OwnFunction:
     content: str
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the function and return its result; its file is imported at the first call.
+        """Call the function and return its result; the first call in a process imports (runs) its file.
 
         Raises RegistryError if the file cannot be imported or has no such function.
         """
@@ -40,7 +41,7 @@ class OwnFunction:
 def own_function(
     given: Callable[..., Any] | str | OwnFunction, folder: str | Path | None = None
 ) -> OwnFunction:
-    """Return a user's function in a form in which other processes can import it.
+    """Return a user's function in a form in which other processes can import it; its file is imported here.
 
     Args:
         given: the function, or its place as ``"FILE.py:NAME"``.
@@ -112,7 +113,8 @@ def put_in_use(files: Iterable[tuple[str, bytes]]) -> None:
     """Import files that were sent from another process.
 
     If the same path on this machine has the same content, that file is imported; otherwise the content is
-    written to a new temporary folder and imported from there. `OwnFunction` finds files by their content.
+    written to a new temporary folder, which stays, and imported from there. `OwnFunction` finds files by
+    their content.
 
     Args:
         files: pairs of path and content.

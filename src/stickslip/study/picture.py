@@ -56,7 +56,7 @@ def pictured(store: Store) -> tuple[dict[str, StudyVariable], dict[str, StudyVar
     Shown results have one number per member; texts, the status and trajectories are left out.
 
     Raises:
-        StudyError: coordinates of the store are damaged.
+        StudyError: the description or coordinates of the store are damaged.
     """
     layout, at_random = store.layout, _at_random(store)
     varied = {name: one for name, (one, _) in _coordinates(store).items()}
@@ -85,7 +85,7 @@ def study_picture(
 
     Raises:
         QuantityError: there is no such name or statistic.
-        StudyError: the folder is no store of a study, or contains nothing that can be shown yet.
+        StudyError: the folder is no store of a study, is damaged, or contains nothing that can be shown yet.
     """
     store = Store(path)
     varied, results = pictured(store)
@@ -186,7 +186,7 @@ def _columns(
 def _edges(values: Array, known: Array | None) -> Array:
     """Return the edges of the cells along an axis, ascending.
 
-    A grid of 2 to 2 `CELLS` values has a cell around each value, with edges halfway between the values.
+    If `known` has 2 to 2 `CELLS` values, there is a cell around each, with edges halfway between the values.
     Otherwise `CELLS` cells of equal width span the values, or a single cell if all values are equal. If the
     values are positive and their ratio exceeds `WIDE`, edges are placed on the logarithmic scale.
 

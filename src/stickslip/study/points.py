@@ -1,7 +1,7 @@
 """Points of a study: grids, random and quasi-random designs, draws of a posterior, and products of them.
 
 The varied values of a task are computed from the task's position in the study, with equal results on every
-machine. So no array of all members is ever made.
+machine. So no array of all members of a random design or of a product is made.
 """
 
 from __future__ import annotations
@@ -120,8 +120,9 @@ def axes_of(parts: Part | Sequence[Part], read: Read) -> list[StudyAxis]:
             `Read`.
 
     Raises:
-        QuantityError: nothing varies, a name varies twice, there are more than `MOST_MEMBERS` members, or a
-            name, a value or an option of a part is not allowed.
+        QuantityError: nothing varies, a name varies twice, a dimension occurs twice (as with two random
+            designs), there are more than `MOST_MEMBERS` members, or a name, a value or an option of a part is
+            not allowed.
     """
     found: list[StudyAxis] = []
     for part in [parts] if isinstance(parts, Part) else parts:

@@ -58,9 +58,11 @@ class Estimate(NamedTuple):
 def estimate_study(study: Study) -> Estimate:
     """Estimate the cost of a study by computing up to `TRIAL` members, chosen at random with a fixed seed.
 
+    The first two members are computed before that, as for `Study.layout`.
+
     Raises:
         QuantityError: a part of the study is impossible.
-        StudyError: a user's function fails, so that the results' names and shapes are unknown.
+        StudyError: the first two members fail, so that the results' names and shapes are unknown.
     """
     layout, place = study.layout(), {}
     random = np.random.default_rng(0)
@@ -90,28 +92,31 @@ def run_study(
     run to the last bit. On this machine the study runs in worker processes with one thread each. On several
     machines, either each machine computes a share of the tasks into one store (`shard`), or the workers of a
     dask scheduler (extra ``stickslip[cluster]``) compute them; all workers must see the same folder. At the
-    start, finished tasks are checked against their checksums; damaged ones are computed again with a warning.
+    start, finished tasks of the share are checked against their checksums; damaged ones are computed again
+    with a warning.
 
     Args:
         study: members, computation and results of the study.
         store: folder of the results, a Zarr group (format 3) that `xarray.open_zarr` opens at any time:
             status is -1 where nothing is computed yet. It is created if missing.
-        workers: number of processes on this machine; by default that of the processors.
+        workers: number of processes on this machine, by default one per processor that this process may use;
+            without effect if there is a `scheduler`.
         shard: (k, n), k from 1 to n: compute only every n-th task, starting with the k-th.
         scheduler: address of a dask scheduler, "tcp://host:8786".
-        progress: called after tasks with a text (activity, speed, remaining time) and the finished fraction,
-            from 0 to 1.
+        progress: called from time to time, and after the last task, with a text (activity, speed, remaining
+            time) and the finished fraction of the activity, from 0 to 1. The first activity is the check.
 
     Returns:
-        The results, as `xarray.open_zarr` opens them: over the dimensions of the grid, "member" of a random
-        design, "draw" of draws.
+        The results, as `open_study` opens them: over the dimensions of the grid, "member" of a random
+        design, "draw" of draws. Members of other shares may be missing (status -1).
 
     Raises:
         QuantityError: a part of the study is impossible, or an argument is out of range.
         StudyDiffers: the store belongs to another study, another version of the package, or other compiled
-            physics; the message says what differs.
-        StudyError: tasks failed three times, no worker starts, the disk is full, or the study was asked to
-            stop. Finished tasks are kept.
+            physics, or has tasks of more members than `Study.task`; the message says what differs.
+        StudyError: tasks failed three times, no worker starts, no scheduler answers, the study cannot be sent
+            to workers, the store is damaged, the disk is full, or the study was asked to stop. Finished tasks
+            are kept.
 
     Warns:
         SimulationWarning: results in the store were damaged.
@@ -143,7 +148,8 @@ def run_study(
 def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
     """Return the store of a study in the folder `path`; the store is created if missing.
 
-    The metadata of the store are checked, and files that killed processes left there are removed.
+    The metadata of the store are checked, and partial files that killed processes left there more than a day
+    ago are removed.
 
     Raises:
         StudyDiffers: the store belongs to another study, or has larger tasks than the study asks for.
@@ -180,12 +186,13 @@ def _of(layout: Layout) -> list[Any]:
 def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> list[int]:
     """Return the numbers of the tasks that are still to compute.
 
-    Finished tasks are checked first; damaged ones are marked as not done, with a SimulationWarning.
+    Finished tasks are checked first; the status files of damaged ones are deleted, with a SimulationWarning,
+    so that the store no longer counts these tasks as done.
 
     Args:
         store: store of the study.
         shard: (k, n), the share of the tasks, see `run_study`; None for all tasks.
-        progress: called during the check with a text and the checked fraction, from 0 to 1.
+        progress: called for every 100th task of the check with a text and the checked fraction, from 0 to 1.
     """
     k, n = shard or (1, 1)
     mine, done, damaged = range(k - 1, store.layout.tasks, n), store.done(), []
@@ -240,7 +247,9 @@ def pace(rate: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Return a duration given in s as text, in the largest unit of d, h, min and s of which it has two."""
+    """Return a duration given in s as text, in the largest of d, h and min of which it has two or more, else
+    in s.
+    """
     for unit, size in (("d", 86_400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.1f} {unit}"

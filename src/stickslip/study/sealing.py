@@ -2,10 +2,10 @@
 
 A chunk's own checksum shows that the chunk is undamaged, not that it belongs to this task, variable and
 study. The seal of a task is a text: first a hash of the study's key, the task's number and the list that
-follows; then this list, the checksum of each chunk of the task by the name of its variable. The seal of the
-store is the hash of its `zarr.json`, which contains the hashes of all other metadata. Seals detect damage and
-mistakes, not manipulation: they are no signature, and anyone can compute them. All hashes are SHA-256 in
-hexadecimal digits.
+follows; then this list, the checksum (CRC-32C) of each chunk of the task by the name of its variable. The
+seal of the store is the hash of its `zarr.json` without the seal; that file contains the hashes of all other
+metadata and of the coordinates. Seals detect damage and mistakes, not manipulation: they are no signature,
+and anyone can compute them. All hashes are SHA-256 in hexadecimal digits.
 """
 
 from __future__ import annotations

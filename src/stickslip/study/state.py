@@ -1,4 +1,4 @@
-"""Progress of a study, read from its store alone, so that it can be seen from any machine."""
+"""Progress of a study, read from its store alone, and the request to stop a study, both from any machine."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ class StudyState(NamedTuple):
     `done` of `tasks` tasks are finished. `members` is the number of all members, and `statuses` the number of
     computed members by the name of their status; members of damaged tasks have the status `DAMAGED`. `rate`
     is the number of members per second in the last `LATELY` seconds, NaN without two tasks in this time.
-    `left` is the remaining time at this rate, s. `last` is the time of the last result (Unix time, s), NaN
-    without results. `damage` describes the first damaged task and its repair, "" for none: only the status
-    and the seal of a task are read for this, of its other files the existence is checked.
+    `left` is the remaining time at this rate, s, NaN if the rate is. `last` is the time of the last result
+    (Unix time, s), NaN without results. `damage` describes the first damaged task and its repair, "" for
+    none: only the status and the seal of a task are read for this, of its other files the existence is
+    checked.
     """
 
     title: str

@@ -53,11 +53,11 @@ ABANDONED = 86_400.0
 # Name of a file in the store; all runs of the study stop when it is created or its time changes.
 STOP = ".stop"
 _NUMBER = re.compile("0|[1-9][0-9]{0,8}")  # file names that are a task's index along a dimension, below 1e9
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors of the operating system for lack of disk space
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors of the system: disk full, or a quota or size limit
 
 
 class Store:
-    """An opened store of a study; opening reads and checks its manifest.
+    """An opened store of a study; opening checks its manifest, and its metadata files against their hashes.
 
     `about` has the attributes of the Zarr group; `title` and `description` are those of the study. `identity`
     is the hash of the description, `layout` the layout of the results. `files` has the hash of each other
@@ -117,7 +117,7 @@ class Store:
         )
 
     def _check_file(self, name: str) -> None:
-        """Raise StudyError if the metadata file `name` that the manifest lists is changed or missing."""
+        """Raise StudyError if the file `name` that the manifest lists is changed, missing or misplaced."""
         try:
             if not all(part.isidentifier() or part in ("zarr.json", "0") for part in name.split("/")):
                 raise ChunkError("has no name of a file in it")
@@ -260,10 +260,11 @@ class Store:
         return whole.reshape(self.layout.chunk(variable))[there]
 
     def copy(self, other: Store, number: int) -> None:
-        """Copy the chunks of a task from another store of the same study, the status last.
+        """Copy the chunks of a task, whose seal is not checked (`damage`), from another store of the same
+        study and layout, the status last.
 
         Raises:
-            ChunkError: a chunk is damaged.
+            ChunkError: a chunk is missing or does not match its checksum.
             StudyError, OSError: a chunk cannot be written.
         """
         for variable in self.layout.variables:
@@ -302,9 +303,8 @@ class Store:
             raise ChunkError(f"{name} {error}") from None
 
     def coordinates(self) -> dict[str, tuple[StudyVariable, NDArray[np.float64]]]:
-        """Return variable and values of each grid, draw or coordinate of results (such as time), by name.
-
-        Raises StudyError if one is damaged.
+        """Return variable and values of each quantity of a grid or of draws, and of each coordinate of
+        results (such as time), by name. Raises StudyError if a metadata or coordinate file is damaged.
         """
         self.check_known()
         known = {name.partition("/")[0] for name in self.files} - {one.name for one in self.layout.variables}
@@ -333,7 +333,7 @@ class Store:
         os.utime(self.path / STOP)
 
     def must_end(self) -> bool:
-        """Return True if a stop was requested since this store was opened."""
+        """Return True if a stop was requested since this object was made."""
         return self._asked() != self._asked_before
 
     def _asked(self) -> int:
@@ -343,7 +343,7 @@ class Store:
             return 0
 
     def written(self) -> NDArray[np.float64]:
-        """Return the time at which each finished task was written, by task number: Unix times, s."""
+        """Return the times at which the finished tasks were written, in order of number: Unix times, s."""
         files = (self._file(self.layout.variables[-1], int(i)) for i in np.flatnonzero(self.done()))
         return np.array([file.stat().st_mtime for file in files])
 

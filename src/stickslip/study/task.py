@@ -18,7 +18,8 @@ from .store import Store
 class Done(NamedTuple):
     """Report of a finished task: its number, computing time [s], numbers of members and of failed members.
 
-    A failed member has a status other than 0 (complete).
+    A failed member has a status other than 0 (complete). From a cluster, the time counts from the sending of
+    the task, and the number of failed members is always 0.
     """
 
     number: int
@@ -70,10 +71,11 @@ def load_of(study: Study, store: Store, folders: Sequence[str] = ()) -> Load:
 
 
 def received(load: Load) -> tuple[Study, Store]:
-    """Return the study and its store on a worker, after the user's files are imported there.
+    """Return the study and its store on a worker, after the user's files are imported (run) there.
 
     Raises:
-        StudyError: the worker has another version of the package, or does not see the study's store.
+        StudyError: the worker has another version of the package, or does not see the study's store, or sees
+            another or a damaged store.
         StudyDiffers: the worker has another friction law, function or compiled engine than the study.
         RegistryError: a user's file cannot be imported.
     """
@@ -101,8 +103,9 @@ def run_task(study: Study, store: Store, number: int) -> Done:
         A report of the finished task.
 
     Raises:
-        StudyError: the disk is full, or the task has too many members for the store.
-        Exception: any error of the user's own function.
+        StudyError: the disk is full, or the texts of the task are too large for the store.
+        QuantityError: the results do not have the names that the study states, see `Study.computed`.
+        OSError: a file cannot be written.
     """
     begun, place = time.perf_counter(), store.layout.place(number)
     found = study.computed(study.columns(place))

@@ -1,8 +1,8 @@
 """Worker process of this machine: it reads a study, then numbers of tasks, from its standard input.
 
-It first answers `ready` with its process number, then each task's number with a line of JSON: `done` with the
-task's report, or `error` with a text (and `final` if no other task can succeed either). The process ends when
-its input ends, so that no worker remains after the study's process was killed.
+Each answer is a line of JSON on standard output: first `ready` with the process number, then for each task
+`done` with the task's report, or `error` with a text (and `final`, true if no other task can succeed either).
+The process ends when its input ends, so that no worker remains after the study's process was killed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from .task import Load, received, run_task
 def main() -> None:
     """Read a pickled `Load` from standard input, report ready, then compute each task whose number arrives.
 
-    If the study cannot be computed here, report a final error instead and end.
+    If the study cannot be computed here, report a final error instead and end. The process ignores SIGINT,
+    its search path for modules becomes `Load.folders`, and printed output goes to standard error.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent process, which ends this one
     if hasattr(signal, "pthread_sigmask"):  # Windows has no such function
