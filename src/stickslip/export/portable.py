@@ -65,8 +65,8 @@ def export_c(
         out: new folder.
         step: time step of the example programs and of the observer's gain, s; the plant takes any step.
         waveform: waveform of the example; by default a sawtooth of 65 V (or what the actuator takes) and 5
-            Hz, which falls in 0.4 ms where the model cannot follow a jump (a static stage with a presliding
-            law, a `MaxwellCapacitor`); for a pulled slider one of 0.1 mm and 1 Hz.
+            Hz, for a pulled slider of 0.1 mm and 1 Hz. The default falls in 0.4 ms where the model cannot
+            follow a jump (a static stage with a presliding law, a `MaxwellCapacitor`).
         duration: played part of the waveform, s; by default its own duration, or eight periods if that is
             infinite.
         motion: motion of the feedforward example, a waveform in m, or rad for a rotary actuator; by default a

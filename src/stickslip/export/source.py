@@ -95,7 +95,8 @@ def _of_results(file: Path) -> Exported:
     The sources of fitted values have their standard errors; the signal chain is read if it was fitted.
 
     Raises:
-        ExportError: the file cannot be read, is damaged, or has no model of a walk.
+        ExportError: the file cannot be read, is damaged, or has no model of a walk, or the model has parts
+            that exported code does not support.
     """
     try:
         numbers = results_numbers(file)

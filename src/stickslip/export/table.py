@@ -59,7 +59,8 @@ def played(
 ) -> Played:
     """Return a waveform as a table of straight lines over whole steps.
 
-    If the period is a whole number of steps and is played at least twice, the table has one period.
+    If the period is a whole number of steps and is played at least twice, the table has one period, and the
+    played part is rounded to whole periods. Otherwise it is rounded to whole steps.
 
     Args:
         waveform: the drive signal or motion.
@@ -233,7 +234,8 @@ def _fitting(
 def table_h(name: str, what: str, table: Played, h: float) -> str:
     """Return the text of a C header with the table of a waveform.
 
-    The header also defines the step, the number of repeats, and the start of a player (`stickslip_player`).
+    The header also defines the step, the number of repeats, a flag for jumps within a step
+    (`Played.between`), and the start of a player (`stickslip_player`).
 
     Args:
         name: name of the C array, in lower case.

@@ -1,4 +1,4 @@
-"""Write stickslip_parameters.c: the values of an exported model, each with its unit, meaning and source."""
+"""Text of stickslip_parameters.c: the values of an exported model, each with its unit, meaning and source."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from .source import Exported, exported_values, meaning
 def parameters_c(found: Exported, chain: SignalChain, gain: NDArray[Any]) -> str:
     """Return the text of stickslip_parameters.c, without its first comment.
 
-    Its function stickslip_default_parameters returns a struct of the values of model, signal chain and
-    observer's gain.
+    The C function stickslip_default_parameters in it returns a struct of the values of model, signal chain
+    and observer's gain.
 
     Args:
         found: the model with the sources of its values.

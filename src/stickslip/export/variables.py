@@ -143,8 +143,8 @@ def _parameters(found: Exported, step: float) -> list[ModelVariable]:
 def variables_h(found: list[ModelVariable], mode: Mode, token: str, step: float, rest: float) -> str:
     """Return the text of fmi_variables.h, without its first comment.
 
-    Its C functions return the address of a variable for a value reference, and tell inputs and parameters
-    apart; its macros have mode, token, step and input at rest.
+    The C functions in it return the address of a variable for a value reference, and say whether a reference
+    is an input or a parameter; the macros define mode, token, step and input at rest.
 
     Args:
         found: all variables of the FMU.

@@ -16,7 +16,8 @@ from .source import ExportError
 def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
     """Provide a context with a new temporary folder beside `out`, which is renamed to `out` at the end.
 
-    If an error occurs in the context, the temporary folder is deleted and `out` does not appear.
+    If an error occurs in the context, the temporary folder is deleted and `out` does not appear. Missing
+    parent folders of `out` are made and stay.
 
     Raises:
         ExportError: `out` is no path, exists already, or cannot be made.

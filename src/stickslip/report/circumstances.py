@@ -1,4 +1,4 @@
-"""Circumstances of a report: date, machine, versions."""
+"""Circumstances of a report: date, command line, duration, machine, versions."""
 
 from __future__ import annotations
 

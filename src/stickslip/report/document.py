@@ -19,7 +19,7 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 
 
 class DocumentError(ValueError):
-    """Error: parts of a document do not fit together; the message names the part."""
+    """Error: a part of a document is not allowed, or does not fit the others; the message names the part."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class Section:
     """A section of a document.
 
     Its parts are shown in the order of the fields: paragraphs, points (a list of sentences), tables, figures,
-    listings, and sections within the section.
+    listings, and sections within the section. Raises DocumentError if a text is given instead of a sequence.
     """
 
     title: str
@@ -228,8 +228,9 @@ class Document:
 def joined(*documents: Document) -> Document:
     """Return one document with the contents of all: summaries, sections, numbers, assumptions, and so on.
 
-    The title is the first document's. If two documents have a number or a file of the same name, the later
-    one is taken.
+    At least one document must be given; the title is the first one's. If two documents have a number or a
+    file of the same name, the later one is taken. Raises DocumentError if they have pictures of the same
+    name.
     """
     first = documents[0]
     together: dict[str, Any] = {"summary": " ".join(filter(None, (one.summary for one in documents)))}
@@ -245,7 +246,7 @@ def joined(*documents: Document) -> Document:
 def begun_by(document: Document, text: str) -> Document:
     """Return the document with the paragraph `text` at the start of its first section.
 
-    The document is returned unchanged if the text is empty.
+    The document is returned unchanged if the text is empty; otherwise it must have a section.
     """
     if not text:
         return document

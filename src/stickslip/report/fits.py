@@ -50,7 +50,7 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
 
     A row has name and state of a parameter, its value with interval, the standard error, and, if systematic
     errors are known, the interval that includes these. The notes say, in sentences, whether the search
-    converged, which parameters are undetermined, and which doubts there are.
+    converged, which other minima, systematic errors and undetermined parameters there are, and which doubts.
     """
     columns = (
         Column("parameter"),
@@ -91,8 +91,8 @@ def fit_summary(fit: Fit, fitted: int, failures: Sequence[str], verified: str = 
     Args:
         fit: the fit.
         fitted: number of fitted recordings.
-        failures: sentences on reasons not to trust the fit. Those on systematic errors and the fit's remarks
-            are appended.
+        failures: sentences on reasons not to trust the fit, without capital letter and full stop. Those on
+            systematic errors and the fit's remarks are appended.
         verified: a sentence on recordings that were not fitted, with a leading space; "" for none.
     """
     sentences = (*failures, *(one.sentence for one in fit.systematics), *fit.remarks)
@@ -185,8 +185,8 @@ def advice_numbers(advice: Advice | None) -> dict[str, Any] | None:
     """Return the advice of a fit on a missing term of the model, for results.json; None without advice.
 
     The keys are cause (the missing term), explains (True if no lack of fit remains with the term), equal
-    (equally good terms), tried, file and python (how to add the term in a job file and in Python), and
-    sentence.
+    (equally good terms), tried (terms), and sentence. The keys file and python say how to add the term in a
+    job file and in Python.
     """
     if advice is None:
         return None

@@ -84,7 +84,9 @@ def _digits(value: float, own: Scale, digits: int) -> str:
 
 
 def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> Markup:
-    """Return a number with its interval and unit as HTML; for a missing value (NaN), its note.
+    """Return a number with its interval and unit as HTML; for a missing value (NaN), its note or a dash.
+
+    Outside a table, a value without an interval is written without zeros at its end.
 
     Args:
         number: the number, SI.

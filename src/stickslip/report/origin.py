@@ -26,9 +26,9 @@ class Origin(NamedTuple):
 def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collection[str] = ()) -> Origin:
     """Return the origin of a model's values that were not fitted, for a report on recordings.
 
-    If the recordings name the model's parameter set, as those of a virtual rig and of simulations do, the
-    set's assumptions are listed. Otherwise a set of this package belongs to another actuator: then each value
-    that was taken from it is listed as an assumption.
+    If all recordings name the model's parameter set, as those of a virtual rig and of simulations do, or if
+    the set is not of this package, the set's assumptions are listed. Otherwise the set belongs to another
+    actuator: then each value that was taken from it and affects the motion is listed as an assumption.
 
     Args:
         model: actuator whose `name` is the name of its parameter set.

@@ -1,4 +1,4 @@
-"""Conversion of report.html to report.pdf by a browser."""
+"""Conversion of an HTML file, such as report.html, to PDF by a browser."""
 
 from __future__ import annotations
 
@@ -45,10 +45,11 @@ def write_pdf(page: Path, browser: str = "") -> Path:
 
     Raises:
         PdfError: there is no browser, it fails, or it takes more than `_SECONDS`.
+        OSError: the PDF cannot be written.
     """
     browser, target = browser or find_browser(), page.with_suffix(".pdf")
-    # As root, such as in a container, Chromium does not start with its sandbox. The page needs none: it was
-    # written by this package.
+    # Run by root, for example in a container, Chromium does not start with its sandbox. The page needs no
+    # sandbox, because this package wrote the page.
     alone = ["--no-sandbox"] if getattr(os, "geteuid", lambda: 1)() == 0 else []
     with tempfile.TemporaryDirectory() as profile:
         made = Path(profile) / "made.pdf"

@@ -19,7 +19,7 @@ from .fits import fit_numbers
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of samples after a jump of the drive that are left out of the drawn hysteresis loops.
+# Number of samples that are left out of the drawn hysteresis loops, from a jump of the drive or the start on.
 AFTER = 10
 
 
@@ -46,7 +46,8 @@ def hysteresis_numbers(fit: Fit, straight: Fit) -> dict[str, Any]:
 def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -> list[Picture]:
     """Return two pictures of the first recording, measured and fitted: stroke over voltage and over time.
 
-    `name` is the start of the pictures' names, which end in "-loops" and "-time".
+    `recordings` are those of the fit, which predicts the first one here. `name` is the start of the pictures'
+    names, which end in "-loops" and "-time".
     """
     one, unit = recordings[0], fit.recordings[0].unit
     assert fit.predict is not None

@@ -30,7 +30,7 @@ def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> 
 
     Args:
         title: title of the experiment.
-        recorded: result of `run_experiment`; its recordings are read from their files.
+        recorded: result of `run_experiment`, one recording or more; the recordings are read from their files.
         log: path of the experiment's log file, whose text is shown.
     """
     data = {one.cell.name: open_recording(one.path) for one in recorded}
@@ -62,7 +62,7 @@ def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> 
 def recorded_assumptions(recorded: Sequence[Recorded]) -> list[str]:
     """Return the assumptions about actuator and bench of an experiment, as texts "field = words".
 
-    They are those of the first recording's actuator and of its bench, if it names one.
+    They are those of the first recording's actuator, and of the bench that this recording names, if any.
     """
     found = [f"{field} = {words}" for field, words in recorded[0].cell.actuator.assumptions.items()]
     bench = recorded[0].cell.bench

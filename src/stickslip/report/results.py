@@ -1,7 +1,7 @@
 """results.json: every number of a document with its unit, in strict JSON.
 
-JSON has neither NaN nor infinity: such a value is null, with a "reason". The records here declare the content
-of the file; `stickslip schema results` prints them as JSON Schema.
+JSON has neither NaN nor infinity: such a number is null, and a null "value" has a "reason". The records here
+declare the content of the file; `stickslip schema results` prints them as JSON Schema.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ def view(result: Any, title: str = "") -> Document:
         title: title of the document; by default that of the kind of result.
 
     Raises:
-        QuantityError: there is no view of this type.
+        QuantityError: there is no view of this type, or a Dataset cannot be drawn.
     """
     _register_views()
     made = document_of(result)
@@ -44,7 +44,8 @@ def _register_views() -> None:
 def document_of(result: Any) -> Document:
     """Return the document of a result by its type; ``document_of.register`` adds a user's type.
 
-    Raises QuantityError for a type without a view.
+    The package's own types are known after the first call of `view`. Raises QuantityError for a type without
+    a view.
     """
     known = sorted(kind.__name__ for kind in document_of.registry if kind is not object)
     raise QuantityError(f"there is no view of {type(result).__name__}: there are views of {', '.join(known)}")

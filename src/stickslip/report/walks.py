@@ -45,13 +45,17 @@ def walk_document(
 ) -> Document:
     """Return the report of a fit to walks: its parameters, and each recording with the model's prediction.
 
+    Failures are those of the fit, and statements on walks of the use "verify" that the model does not
+    explain.
+
     Args:
         title: title of the report.
         fit: the fit.
         model: initial model of the fit, whose assumptions and citations are listed.
         walks: all recordings by name, fitted or only predicted; each is predicted again.
         notes: a paragraph for the section of the parameters; "" for none.
-        progress: called with the current activity in words and the finished fraction, from 0 to 1.
+        progress: called before each prediction with the activity in words, and the finished fraction of the
+            walks, from 0 up to below 1.
     """
     rows, pictures, numbers = [], [], {}
     unit = fit.recordings[0].unit

@@ -41,7 +41,7 @@ class StudyVariable(NamedTuple):
 
     @property
     def missing(self) -> Any:
-        """Return the value that stands for results that are not computed yet.
+        """Return the value that marks results not computed yet.
 
         It is "" for texts, -1 for the status (int8), and NaN for numbers.
         """

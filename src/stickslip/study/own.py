@@ -49,8 +49,8 @@ def own_function(
             already. None if the user gives the place, relative to the current folder.
 
     Raises:
-        RegistryError: the function is not at the top level of a file that other processes can import (the
-            main script is none), the file is not allowed, or its name is of something else than a function.
+        RegistryError: the function is not at the top level of a file that other processes can import, the
+            function belongs to the main script, the file is not allowed or fails, or NAME is no function.
     """
     if isinstance(given, OwnFunction):
         return given

@@ -50,6 +50,8 @@ class Trace(NamedTuple):
 def step_responses(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
     """Draw step responses of the clamped end-effector over the time since the step; below, the residuals.
 
+    Intervals due to the parameters' errors are drawn behind the residuals; `Trace.band` is not drawn.
+
     Args:
         traces: measured and model response of each step, by label.
         unit: SI unit of the positions, m or rad.

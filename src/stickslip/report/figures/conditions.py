@@ -28,7 +28,8 @@ def draw_conditions(
 
     Args:
         names: names of the conditions.
-        values: the goal for two drives or actuators, arrays [conditions] in SI, by their names.
+        values: the goal for exactly two drives or actuators, by their names: arrays [conditions] in SI, in
+            the order of `names`.
         label, unit: label of the axis, and SI unit of the values.
         sign: +1 if larger values are better, -1 if smaller ones are.
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-# Number of samples from which a recording is thinned for a figure: of a longer one, every n-th sample is
-# drawn.
+# Number of samples for the thinning of a long recording: every n-th sample is drawn, with n the number of
+# samples over this number, rounded down.
 _MOST_POINTS = 20_000
 
 
@@ -26,7 +26,8 @@ def closed_loop(recording: xr.Dataset, phases: Sequence[tuple[str, float]] = ())
 
     Args:
         recording: result of `rig.regulate`: measured and target position, and drive voltage.
-        phases: (name, start in s) of the phases of the experiment, drawn as vertical lines at the starts.
+        phases: (name, start in s) of the phases of the experiment; the starts are drawn as vertical lines,
+            without the names.
     """
     part = recording.isel(time=slice(None, None, max(1, recording.sizes["time"] // _MOST_POINTS)))
     figure, (above, below) = panels([2.6, 2.0])

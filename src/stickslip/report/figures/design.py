@@ -31,7 +31,7 @@ NO_STEP, HATCH = "#E2E2E2", "#9A9A9A"  # colours of area and hatching for points
 
 
 def is_map(data: Any) -> bool:
-    """Return True if the data are a result of `step_map`."""
+    """Return True if the data are a result of `step_map` or `load_speed_curve`, judged by their variables."""
     return isinstance(data, xr.Dataset) and {"net_step", "speed", "status"} <= {*data.data_vars}
 
 
@@ -209,8 +209,8 @@ def _in_ratios(values: NDArray[Any]) -> bool:
 def _lines(panel: Axes, data: xr.Dataset, quantity: str, over: str, others: list[str], value: Scale) -> None:
     """Draw a variable over the dimension `over`: a line with its band for each combination of `others`.
 
-    Points without a steady step in any line have a cross on the axis. Raises QuantityError if there are more
-    lines than colours.
+    Points at which at least one line has no steady step have a cross on the axis. Raises QuantityError if
+    there are more lines than colours.
 
     Args:
         panel: axes to draw on.

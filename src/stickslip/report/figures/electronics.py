@@ -14,7 +14,8 @@ from .style import BLUE, DASHES, GREEN, MEASURED, VERMILLION, WIDTH, drawn, pane
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of equal time intervals into which a long run is divided; the mean in each is drawn.
+# Number of equal time intervals into which a long run is divided; a mean (of the current the rms) of each is
+# drawn.
 _BINS = 400
 
 
@@ -26,7 +27,7 @@ def starved(asked: Waveform, runs: dict[str, xr.Dataset], edge: float, zoom: flo
 
     Args:
         asked: requested drive, V.
-        runs: results of `electronics.electrical` by label; three or fewer.
+        runs: results of `electronics.electrical` by label; the first three are drawn.
         edge: time of the edge, s.
         zoom: duration shown in the right column, s, of which a tenth is before the edge.
     """
@@ -63,7 +64,7 @@ def starved(asked: Waveform, runs: dict[str, xr.Dataset], edge: float, zoom: flo
 def heat(run: xr.Dataset) -> Figure:
     """Draw rms current, mean loss power and temperature of a piezo stack over a run of many periods.
 
-    Current and power are means over the `_BINS` intervals of the run; time is in min, temperature in °C.
+    The rms and the mean are those of each of `_BINS` intervals of the run; time is in min, temperature in °C.
 
     Args:
         run: result of `electronics.electrical`.

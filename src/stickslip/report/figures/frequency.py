@@ -23,7 +23,7 @@ class Response(NamedTuple):
     """A frequency response, arrays of shape (n,).
 
     `frequency` is in Hz, ascending. `value` is complex, output over input in SI, and `deviation` its standard
-    deviation in the same unit. `coherence` is from 0 to 1. None: not known.
+    deviation in the same unit. `coherence` is from 0 to 1. Deviation and coherence are None if not known.
     """
 
     frequency: ArrayLike
@@ -45,8 +45,8 @@ def frequency_response(
     coherence.
 
     The band of a measured gain is two standard deviations on each side. A model has the colour of the
-    measured response with the same name. The model's residual, the modulus of the complex difference, is
-    drawn if the model covers the measured frequencies.
+    measured response with the same name. The model's residual, the modulus of the complex difference from
+    this response, is drawn if the model covers the measured frequencies.
 
     Args:
         measured, models: responses by name ("30 V").

@@ -19,7 +19,7 @@ def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]], unit: str
     The line joins the points at the lowest and at the highest voltage of a loop.
 
     Args:
-        loops: voltage [V] and stroke of each loop, arrays (n,), by label.
+        loops: voltage [V] and stroke of each loop, arrays (n,), by label; the first seven are drawn.
         unit: SI unit of the stroke, m or rad.
     """
     figure = Figure(figsize=(WIDTH, 3.0))
@@ -46,7 +46,7 @@ def creep_over_decades(steps: Mapping[str, tuple[ArrayLike, ArrayLike]], begin: 
 
     Args:
         steps: time since the step [s] and change of the stroke since before the step [m], arrays (n,), by
-            label.
+            label; the first seven are drawn.
         begin: time of the reference after the step, s.
     """
     figure = Figure(figsize=(WIDTH, 2.8))

@@ -21,6 +21,7 @@ _MOST_VOLTAGES = len(SERIES)
 def draw_plan(plan: xr.Dataset, axes: Any = None) -> NDArray[Any]:
     """Draw two panels: the gain of each candidate over frequency, and the half-widths of the intervals.
 
+    If a candidate has no frequency, the gains are over the candidates' numbers, from 1.
     The gain is a ratio of standard errors of the goal: with the default recording, over the one with the
     candidate, for equal recording time. The intervals are the expected 95 % intervals of the parameters.
 

@@ -1,5 +1,5 @@
-"""The function `plot`, which draws results of the package: recordings, fits, verifications, frequency
-responses, maps, plans."""
+"""The functions `plot`, which draws results of the package such as recordings, fits, maps and plans, and
+`bode`, which draws the frequency response of a model."""
 
 from __future__ import annotations
 
@@ -34,15 +34,14 @@ _DECADES = 30.0  # ratio of the largest to the least value of a parameter above 
 
 @drawn
 def plot(data: Any, axes: Any = None) -> NDArray[Any]:
-    """Draw a recording, a trajectory, a fit, a verification, a frequency response, a map, a plan or the model
-    of a data sheet.
+    """Draw a result of the package, such as a recording, a trajectory, a fit, a frequency response or a map.
 
     Args:
         data: a `Fit`; a `Verification`; a result of `step_map` or `design.load_speed_curve`; a plan; an
-            optimised drive; a `control.Tuning` (open loop and sensitivity); or a Dataset over "time" (one
-            panel per variable: choose with ``data[["drive_voltage"]]``), over "frequency" as
-            `frequency_response` returns it (gain and phase), or over "member" as `simulate_ensemble` and
-            `steady_steps` return it (a line over one parameter, a map over two).
+            optimised drive; a result of `from_data_sheet`; a `control.Tuning` (open loop and sensitivity); or
+            a Dataset over "time" (one panel per variable: choose with ``data[["drive_voltage"]]``), over
+            "frequency" as `frequency_response` returns it (gain and phase), or over "member" as
+            `simulate_ensemble` and `steady_steps` return it (a line over one parameter, a map over two).
         axes: Matplotlib axes to draw on, one per panel; by default those of a new figure.
 
     Returns:
@@ -171,7 +170,7 @@ def bode(model: Any, frequencies: ArrayLike | None = None, axes: Any = None) -> 
         The axes of gain and phase.
 
     Raises:
-        QuantityError: the model has no frequency response.
+        QuantityError: the model has no frequency response, or there is another number of axes than two.
     """
     model = model.model if isinstance(model, Fit) else model
     system = model.state_space() if hasattr(model, "state_space") and not hasattr(model, "rate") else model

@@ -1,4 +1,4 @@
-"""Style of all figures: palette, sizes, fonts, and the conversion to SVG."""
+"""Style of all figures: palette, sizes and fonts; panels, traces and legends; and the conversion to SVG."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Views of results for reports, notebooks and terminals: one module for each type of result."""
+"""Views of results for reports, notebooks and terminals: one module for each type, or group of types."""

@@ -56,10 +56,11 @@ def _plain(number: float) -> str:
 
 
 def conclusion(choice: Comparison) -> str:
-    """Return a sentence with numbers on whether the recordings confirm the usual choice, the LuGre model.
+    """Return a text with numbers on whether the recordings confirm the usual choice, the LuGre model.
 
     They do if its rms error on recordings that were not fitted exceeds the least error by less than the
-    fraction `SAME`, and its BIC exceeds the least by less than 10. Models that are as good are named.
+    fraction `SAME`, and its BIC exceeds the least by less than 10. Models that are as good are named. The
+    LuGre model must be among the compared ones.
     """
     table = choice.table
     rmse, bic = table["verification_rmse"], table["bic"] - table["bic"].min()
@@ -87,7 +88,7 @@ def conclusion(choice: Comparison) -> str:
 def choice_section(found: Comparison, marks: Mapping[str, float] | None = None) -> Section:
     """Return a section with the ranking of the models, a table and a figure.
 
-    If the usual model is among them, the section also has the sentence of `conclusion` on whether the ranking
+    If the usual model is among them, the section also has the text of `conclusion` on whether the ranking
     confirms it.
 
     Args:

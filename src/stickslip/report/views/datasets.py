@@ -1,4 +1,4 @@
-"""Views of xarray Datasets: step maps, recordings, trajectories, frequency responses."""
+"""Views of xarray Datasets: step maps, recordings, trajectories, frequency responses, ensembles."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def dataset_document(data: xr.Dataset) -> Document:
     """
     if is_map(data):
         return map_document(data)
-    axes = plot(data)  # raises QuantityError for a dataset without one of the dimensions of `_TITLES`
+    axes = plot(data)  # raises QuantityError for a dataset that cannot be drawn
     over = next(name for name in _TITLES if name in data.dims)
     coordinate = data[over]
     title = str(data.attrs.get("title") or _TITLES[over])

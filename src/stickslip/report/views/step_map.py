@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 
 def map_document(found: xr.Dataset) -> Document:
-    """Return a document with maps of step and speed over the varied quantities, and their maxima.
+    """Return a document with maps of step and speed over the varied quantities, and their greatest
+    magnitudes.
 
     The numbers of points without a steady step are given with a reason. Points that are not computed yet,
     after an interruption, are a failure. `found` is the result of `step_map`.

@@ -45,7 +45,7 @@ def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
 
     A row has r², the rms error, the measured net step per period, and the error of the predicted net step
     [%]; the last two are empty if the net step is not known. `roles` are texts for a further column, one for
-    each recording; if empty, there is no such column.
+    each recording, in the same order; if empty, there is no such column.
     """
     table = found.table
     rows = []
