@@ -374,7 +374,7 @@ class Fit:
 
     def report(self, level: float = 0.95) -> str:
         """Return a text table of values with units and intervals at this confidence level (0 to 1), followed
-        by goodness of fit, failures, undetermined parameters and remarks."""
+        by goodness of fit, lack of fit, undetermined parameters and more (see `as_text`)."""
         return as_text(self, level)
 
     @property

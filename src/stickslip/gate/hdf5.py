@@ -1,4 +1,4 @@
-"""The only opener of HDF5 files: MAT 7.3, NetCDF 4 and others.
+"""Checked opening of HDF5 files: MAT 7.3, NetCDF 4 and others.
 
 An HDF5 file may refer to other files: external storage, arrays assembled from other files (virtual), links
 into other files, filters loaded from the disk. Such a file could read any file of the user who opens it, so

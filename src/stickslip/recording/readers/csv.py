@@ -45,6 +45,7 @@ def read_csv(
     Raises:
         RecordingError: there are no numbers. Later, its `read` raises the same error if a field is not a
             number, a row has too many fields, or the last row has too few.
+        GateError: there are too many columns, or later a line is too long.
     """
     layout = find_layout(path, delimiter, decimal, skip, missing_values)
     channels = layout.channels

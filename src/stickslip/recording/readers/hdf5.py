@@ -42,11 +42,13 @@ class _Signal(NamedTuple):
 
 
 def read_hdf5(path: Path) -> FileContent:
-    """Return the content of an HDF5 file: every array of real or complex numbers with more than one element,
-    as channels.
+    """Return the content of an HDF5 file: its arrays of real or complex numbers, as channels.
+
+    Arrays with a single element are left out.
 
     Raises:
-        RecordingError: the file is damaged, or contains no arrays of numbers.
+        RecordingError: the file contains no arrays of numbers, or too many channels.
+        GateError: the file is damaged, refers to other files, or exceeds `LIMITS`.
     """
     from ...gate.hdf5 import hdf5_tree
 
@@ -121,8 +123,9 @@ def _clocks(found: dict[str, _Signal], order: list[str]) -> dict[str, int | None
     """Return the index of the time channel of each array, by the array's name, in `order` (the array names of
     the channels).
 
-    The time channel is the only array in the same group that has a name or unit of time and the same length;
-    otherwise the index is None. `found` are the arrays by name.
+    The time channel is the only one-dimensional array in the same group that has the name of a time (see
+    `is_clock`) and the same length. If there are several or none, the index is None. `found` are the arrays
+    by name.
     """
     clocks: dict[str, int | None] = {}
     for name, one in found.items():

@@ -1,8 +1,8 @@
 """Reader of MAT files: versions 4 to 7 by SciPy, version 7.3 (HDF5) by h5py.
 
 Both become the same tree: structures are dictionaries, arrays of structures and cells are lists, text is str,
-objects (tables, strings) are converted by `matlab_objects`, and every array of real or complex numbers is a
-`Leaf`. The names of channels are written as in MATLAB, with rows counted from 1: "t", "trace_y(2,:)",
+objects (tables, strings) are converted by `matlab_objects`, and every dense array of real or complex numbers
+is a `Leaf`. The names of channels are written as in MATLAB, with rows counted from 1: "t", "trace_y(2,:)",
 "measurement.force". As a tuple, with indices from 0, the same second row is ("trace_y", 1).
 """
 
@@ -35,12 +35,14 @@ _V73_BLOCK = 512  # size in bytes of MATLAB's own header before the HDF5 content
 
 
 def read_matlab(path: Path) -> FileContent:
-    """Return the content of a MAT file: every array of real or complex numbers with more than one element, or
-    the signals of a dSPACE capture, as channels. Without a capture, objects that cannot be read are listed as
-    channels without numbers.
+    """Return the content of a MAT file: its arrays of numbers or the signals of a dSPACE capture.
+
+    The numbers are real or complex; arrays with a single element are left out. Without a capture, objects
+    that cannot be read are listed as channels without numbers.
 
     Raises:
         RecordingError: the file is damaged or has an unknown version, or contains no numbers.
+        GateError: the file is damaged, or exceeds `LIMITS`.
     """
     from ...gate.hdf5 import is_hdf5
 

@@ -30,8 +30,9 @@ class _Place(NamedTuple):
 
 
 def read_mdf(path: Path) -> FileContent:
-    """Return the content of an MDF 4 file: its channels, of which each group's own time channel is the clock
-    of the others. Groups without samples or without a time channel are left out.
+    """Return the content of an MDF 4 file: its channels, with the time channel of each group as their clock.
+
+    Groups without samples or without a time channel are left out.
 
     Raises:
         RecordingError: asammdf is not installed, the file is damaged, or has no such channels.

@@ -17,25 +17,28 @@ _NAME_LENGTH, _NAME = 26, 30
 
 
 def read_npy(path: Path) -> FileContent:
-    """Return the channels of a .npy file: one for each index along all axes except the longest, which is
-    time.
+    """Return the channels of a .npy file (a single array), along its longest axis, which is time.
 
-    In a two-dimensional array the index of the channel is the index of its column. In an array with more
-    axes, a channel is named by a tuple of indices in the order of the axes: (0, 2, 1) is the channel
-    ``array[:, 0, 2, 1]``.
+    There is a channel for each combination of indices along the other axes. In a two-dimensional array the
+    index of the channel is the index of its column. In an array with more axes, a channel is named by a tuple
+    of indices in the order of the axes: (0, 2, 1) is the channel ``array[:, 0, 2, 1]``.
 
     Raises:
-        RecordingError: the file is damaged, or contains objects or a single number.
+        RecordingError: the array is a single number or empty, or has too many channels.
+        GateError: the file is damaged, contains objects, or is too large.
     """
     array = gate.read_npy(path, mapped=True)
     return _source(path, "npy", {"": _leaf(array)})
 
 
 def read_npz(path: Path) -> FileContent:
-    """Return the channels of a .npz file; ("name", 3) is the fourth column of a two-dimensional array.
+    """Return the channels of a .npz file (several arrays by name).
+
+    The key ("name", 3) is the fourth column of a two-dimensional array. Single numbers are left out.
 
     Raises:
-        RecordingError: the file is damaged, or contains objects, an empty array, or no arrays.
+        RecordingError: the file contains an empty array, no arrays, or too many channels.
+        GateError: the file is damaged, contains objects, or is too large.
     """
     arrays = gate.read_npz(path)
     if not arrays:

@@ -25,7 +25,7 @@ def source_of(path: Path, kind: str, **text: Any) -> FileContent:
         text: arguments of `find_layout` for a text file.
 
     Raises:
-        GateError: a channel has a longer name than `LIMITS` allows.
+        GateError: the file is damaged, or exceeds `LIMITS`, such as by a long name of a channel.
         RecordingError: the file is damaged, or has another format.
         RegistryError: there is no such format.
     """

@@ -50,6 +50,7 @@ def look(path: Path) -> dict[str, Any]:
     Raises:
         RecordingError: the format is unknown, or the file is damaged, is a recording of this package, or has
             no columns of numbers.
+        GateError: the file is damaged, or exceeds `LIMITS`.
         GateError: a name in the file is too long.
     """
     kind = find_format(path)

@@ -23,8 +23,9 @@ _DIRECTIONS = {0: "", 1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
 
 
 def read_uff(path: Path) -> FileContent:
-    """Return the content of a universal file: its functions of time (data set 58) as channels; those with the
-    same times share a clock.
+    """Return the content of a universal file (UFF): its functions of time (data set 58) as channels.
+
+    Functions with the same times share a clock.
 
     Raises:
         RecordingError: pyuff is not installed, the file is damaged, or contains no functions of time.
