@@ -35,7 +35,7 @@ _FREE = {"options", "variables", "fields", "columns", "units", "rename"}
 
 
 def check_job(job: Job, out: Path) -> None:
-    """Check before the first step of a job that all files, models and names that the steps need exist.
+    """Check before the first step of a job that files, models and names that the steps need exist.
 
     A mistake in a late step is thus reported before hours of work. Existing recordings are read, too.
 

@@ -98,7 +98,7 @@ def _crept(creep: Creep | None, per_decade: float) -> Creep | None:
 
 
 def _stretched(law: Any, share: float) -> PrandtlIshlinskii | None:
-    """Return play operators with hysteresis, whose weights are the part `share` of all weights.
+    """Return play operators of which those with hysteresis have the part `share` of all weights.
 
     They are the scaled operators of `law`. Default operators are used if `law` is another model or None, or
     has no operator with hysteresis or none with threshold 0; for these and a share of 0 the result is None.

@@ -220,8 +220,8 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob
     """Return the job of the walk home: steps until the end-effector is at position 0, near 0 V.
 
     The position counts while the drive is near 0 V. The walk uses the variables forward_voltage,
-    reverse_voltage and frequency of the experiment. A position limit that is already exceeded is widened for
-    the walk. Its recording is deleted at its end.
+    reverse_voltage and frequency of the experiment. A position limit that is nearer than one stroke of the
+    piezo, or exceeded, is widened for the walk. The recording of the walk is deleted at its end.
 
     Args:
         folder: the panel's folder.
@@ -257,8 +257,8 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> BenchJob
             )
 
     shown = document.described()["channels"]
-    # If the position is beyond a limit, the rig must be able to walk back. The limit is therefore moved to
-    # the present position plus one stroke of the piezo.
+    # If the position is beyond a limit, the rig must be able to walk back. A limit is therefore moved
+    # outwards at least to the present position plus one stroke of the piezo.
     cell = document.checked.cells[0]
     stroke = abs(position) + abs(cell.actuator.gain) * max(cell.limits.max_voltage, -cell.limits.min_voltage)
     limits = dict(content.get("limits", {}))

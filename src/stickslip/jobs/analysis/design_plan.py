@@ -28,7 +28,8 @@ class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_r
     "all" parameters, one parameter, or the step of a waveform. `noise` is the standard deviation of the
     position [m, or rad], or the name of a file with a recording at rest. `channel` describes the position
     channel. `like` is the name of an experiment file whose rig, channels and actuator the plan takes over.
-    With an `uncertainty` in the design file the plan is the best one for the worst case among its draws.
+    With an `uncertainty` in the design file the plan is the best one for the worst of its draws, or on
+    average (`over: mean`).
     """
 
     free: list[str] = Field(min_length=1)

@@ -93,7 +93,8 @@ class LoopAnalysis(Analysis):
     def run(self, folder: Path, progress: Progress) -> Document:
         """Fit and verify every law; return a report with the ranking, and details of the best prediction.
 
-        Raises the errors of `read_parts`, and AnalysisError, QuantityError or FitError for a law.
+        Raises the errors of `read_parts`, AnalysisError unless there are recordings for both uses, and
+        AnalysisError, QuantityError or FitError for a law.
         """
         parts = read_parts(self.recordings, folder)
         data = {

@@ -105,7 +105,8 @@ def _allowed(model: Actuator, name: str, value: float) -> bool:
 
 
 def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:
-    """Return models with the values of draws: of all, or of `MOST_DRAWS` evenly selected ones.
+    """Return models with the values of draws: of all draws, or of `MOST_DRAWS` evenly selected ones if there
+    are more.
 
     `draws` has arrays [n] in SI by name of a parameter. Raises QuantityError for a value that is not allowed.
     """

@@ -39,7 +39,7 @@ class OwnRecordingSpec(RecordingFile):
     """A recording in a user's file, with its drive as in an experiment file.
 
     The channel drive_voltage shows the start of the drive. Without a `waveform` the drive is taken from the
-    recording's attributes or from that channel, see `taken_drive`.
+    recording's attributes or from that channel, see `taken_drive`; with `use: piezo` from the channel alone.
     """
 
     use: Use = "fit"  # type: ignore[assignment]
@@ -74,9 +74,9 @@ class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", n
     - `free`, `bounds`, `priors`: free parameters of the fit, with bounds, and the mean and standard deviation
       of priors on the contact. Priors are weighted relative to `noise`, the standard deviation of the
       position. The report compares the fit with one without priors.
-    - `reference`: a more accurate channel for the clamped position. The position is scaled to it on the
-      steps, without the time `settling` after each step. Hysteresis and creep are identified from it, if
-      there are recordings for them (use: piezo).
+    - `reference`: a more accurate channel for the clamped position. All positions are divided by the ratio of
+      both channels on the steps, from the time `settling` after each step on. Hysteresis and creep are
+      identified from it, if there are recordings for them (use: piezo).
     - `filter`, `slew_rate`: filter of the position channel and slew rate of the amplifier, if known.
     - `published`: r² that other authors have published, by recording ("step": of all steps).
     - `posterior` (with at most `posterior_simulations` simulations), `profiles` of the likelihood,

@@ -50,7 +50,8 @@ class Hysteresis(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Return a clause for the report: do the recordings need hysteresis and creep, and by which ratio."""
+        """Return a clause for the report on the need for hysteresis and creep, with the ratio
+        `straight_leaves`."""
         does = "does not explain" if self.needed else "explains"
         return (
             f"a stage without hysteresis and creep {does} these recordings: it leaves "

@@ -17,9 +17,10 @@ from .evaluate import NO_MODEL
 class ExportSpec(Strict):
     """Request to export a model as C99 (`format` "c") or as an FMU ("fmu").
 
-    The model is the result of the job's last identification, or the parameter set `model`. `bench` names a
-    bench whose amplifier is put before the model. `step` is the integration step, in s or as text with a
-    unit. `fmi` (version), `mode` and `compiler` are for an FMU.
+    The model is the parameter set `model` (name or file) or, without it, the result of the job's last
+    identification. `bench` names a bench whose amplifier is put before the model. `step` is the time step of
+    the example programs in C, or the longest internal step of the FMU, in s or as text with a unit. `fmi`
+    (version), `mode` and `compiler` are for an FMU.
     """
 
     format: Literal["c", "fmu"] = "c"
