@@ -4,7 +4,7 @@ Noise of a filtered, drifting sensor is the sum of an autoregressive part and a 
 estimate is unbiased under both; its covariance is the sandwich :math:`(J^TJ)^{-1} J^T \Sigma J (J^TJ)^{-1}`
 with the covariance :math:`\Sigma` of a model of the noise, whose few numbers come from the residuals.
 Weighting by :math:`\Sigma^{-1}` would gain little and trust the model at frequencies where the filter leaves
-no noise.
+no noise. `with_inherited` adds the uncertainty of quantities that the fit took as known.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Check the compression of HDF5 arrays, which are stored in parts (chunks): its filters and unpacked sizes.
+"""Check the compression of HDF5 arrays, which are stored in parts (chunks), and of tables of names: filters
+and unpacked sizes.
 
 The HDF5 library unpacks a chunk of any size, whatever the array declares. Each gzip chunk is therefore
 unpacked here first, and refused if it exceeds its declared size.

@@ -1,4 +1,4 @@
-"""Parse JSON and TOML from outside within limits (`gate.yaml_text` parses YAML).
+"""Parse JSON and TOML from outside within limits (`gate.yaml_text` parses YAML), and unpack gzip data.
 
 Nesting depth, values and digits are counted in the text before a parser builds anything, so a file of a few
 kilobytes can exhaust neither the stack nor the memory. Every failure is a `GateError`: one sentence with the

@@ -48,6 +48,8 @@ def read_log(path: str | os.PathLike[str]) -> xr.Dataset:
 
     Raises:
         RecordingError: there are no two such blocks, or a key has units of different dimensions.
+        GateError: the path is no regular file.
+        OSError: the file cannot be opened.
     """
     import xarray as xr
 

@@ -29,7 +29,7 @@ class ReaderBusy(RecordingError):
 
 class Reader:
     """Reader of files, one after the other, in a separate process, which is killed if a file takes too long.
-    Such a file is not tried again unless the file changes.
+    Such a file, or one that takes too much memory, is not tried again unless the file changes.
 
     Args:
         modules: names of modules that the process imports at its start; see `Fence`.

@@ -42,6 +42,7 @@ def read_scope(path: Path) -> FileContent:
 
     Raises:
         RecordingError: RigolWFM is not installed, the file is damaged, or of a kind that RigolWFM misreads.
+        GateError: there are more channels or samples than `LIMITS` allows.
     """
     wfm = library("RigolWFM.wfm", "waveforms of oscilloscopes", "RigolWFM", "scopes")
     with opened(path) as file, no_file_left_open(), read_by_library(_WHAT):

@@ -1,5 +1,5 @@
-"""Reading of dates and times of day in their usual spellings: "20.02.2020 10:00:00,5", "2/20/2020 1:05:07
-PM"."""
+"""Reading of dates and times of day in their usual spellings ("20.02.2020 10:00:00,5", "2/20/2020 1:05:07
+PM") and as numbers of days."""
 
 from __future__ import annotations
 

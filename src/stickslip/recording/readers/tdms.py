@@ -23,7 +23,8 @@ def read_tdms(path: Path) -> FileContent:
     """Return the content of a TDMS file: its channels, each with the clock that its properties describe.
 
     Raises:
-        RecordingError: npTDMS is not installed, or the file is damaged.
+        RecordingError: npTDMS is not installed, or the file is damaged or has no channels with samples.
+        GateError: there are more channels or samples than `LIMITS` allows.
     """
     tdms = library("nptdms", "TDMS files", "npTDMS", "labview")
     with read_by_library(_WHAT), opened(path) as file:

@@ -29,6 +29,7 @@ def read_uff(path: Path) -> FileContent:
 
     Raises:
         RecordingError: pyuff is not installed, the file is damaged, or contains no functions of time.
+        GateError: there are more channels or samples than `LIMITS` allows.
     """
     functions = data_sets(path)
     of_time = [one for one in functions if one.get("abscissa_spec_data_type") == _TIME]
