@@ -25,7 +25,7 @@ class Control:
     """Record of which page controls the rig. Every change is sent to all pages.
 
     On construction it adds to `hub` its greeting, and the handlers of the messages "ask_control" and
-    "hand_over".
+    "hand_over". `clock` returns the present time, s.
 
     Attributes:
         holder: secret of the page in control, "" if no page has control.

@@ -91,8 +91,8 @@ def design_routes(
 ) -> APIRouter:
     """Return the router with the routes of the Design page, below "/api/design".
 
-    A value out of range, a motion that cannot be simulated, or a second search at the same time is answered
-    with status 422, the reason as `error` and the field of the request as `field`.
+    An answer has the status 422 if a value is out of range, a motion cannot be simulated, or another search
+    runs. Its `error` is the reason, and `field` the field of the request.
 
     Args:
         sets: parameter sets on offer.

@@ -84,10 +84,10 @@ class Act(Strict):
 
 
 class Prepared(NamedTuple):
-    """The first run on the bench, its rig, and the loop tuned for it; `low` and `high` [V] limit the output.
+    """First run on the bench (`content`, `file`, `cell`), its rig (`can`, `output`), and the tuned loop.
 
-    `others` are the actuator with its natural frequency lowered and raised by `_SPREAD`; the loop is stable
-    for them, too. `loops` are discrete models of the actuator and of `others`.
+    Voltages are limited to `low`..`high` [V]. `others` are the actuator with its natural frequency lowered
+    and raised by `_SPREAD`; the loop is stable for them, too. `loops` are discrete models of all of them.
     """
 
     content: dict[str, Any]
@@ -201,7 +201,7 @@ class Moves:
     def choices(self) -> dict[str, Any]:
         """Return the fields of the page: actuator, unit, inputs (sensors), voltage (smallest and largest
         amplitude of steps), settings; "tuned", "low", "high" of bandwidth, proportional and corner; stroke,
-        plausibility."""
+        plausibility, at_most [s]."""
         made = self.prepared()
         own, model, rate = made.tuning, made.cell.actuator, made.can.update_rate
         sensors, known = made.sensors, made.cell.channels.get(POSITION)
