@@ -49,8 +49,8 @@ class Advice(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Return a sentence with the missing term, its effect on the residual and the setting that adds it,
-        or with the terms that were tried in vain."""
+        """Return a sentence with the missing term (or several equally good ones), the effect on the residual
+        and the setting that adds it, or with the terms that were tried in vain."""
         if not self.cause:
             return f"nothing that was tried explains the recordings: {', '.join(self.tried)}{self._limit}"
         left = [with_prefix(x, self.unit, 3) if self.unit else f"{x:.3g}" for x in (self.after, self.before)]

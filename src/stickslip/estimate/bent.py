@@ -120,7 +120,7 @@ class Mixture(NamedTuple):
 
 def straight(centres: Sequence[Array], covariances: Sequence[Array]) -> Mixture:
     """Return a mixture of t distributions without curvature and with equal shares, one about each centre [k];
-    its axes are the principal axes of the covariance [k, k] with the same index."""
+    its axes are those of `_principal` for the covariance [k, k] with the same index."""
     parts = []
     for centre, covariance in zip(centres, covariances, strict=True):
         ones = np.ones(centre.size)
@@ -131,8 +131,8 @@ def straight(centres: Sequence[Array], covariances: Sequence[Array]) -> Mixture:
 def bent(points: Array, weights: Array) -> Bent:
     """Return a component fitted to points [n, k] with weights [n] whose sum is 1.
 
-    The axes of the component are the coordinate axes or the principal axes, whichever give the smaller
-    volume.
+    The axes of the component are the coordinate axes or the principal axes (see `_principal`), whichever give
+    the smaller volume.
     """
     away = points - weights @ points
     covariance = (away.T * weights) @ away
@@ -167,8 +167,8 @@ def _along(axes: Array, away: Array) -> Array:
 
 
 def _principal(covariance: Array) -> Array:
-    """Return the principal axes of a covariance [k, k] as rows [k, k]. The length of an axis is the standard
-    deviation along it, or a tiny positive number instead of 0."""
+    """Return the principal axes of a covariance [k, k] in coordinates of unit variance, transformed back, as
+    rows A [k, k] with A' A equal to the covariance; zero variances are replaced by tiny positive ones."""
     scale = np.sqrt(np.diag(covariance))
     scale = np.where(scale > 0.0, scale, np.finfo(float).tiny ** 0.5)
     variances, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

@@ -175,7 +175,7 @@ def _criterion(pieces: Sequence[Array], filter: Array, variance: float, walk: fl
 
 def _walk(pieces: Sequence[Array]) -> float:
     """Return the ratio of the variance of a random walk's steps to the variance of white noise in residuals
-    (arrays [n]), by maximum likelihood; 0 if they show no random walk."""
+    (arrays [n]), by maximum likelihood; 0 if they show no random walk, or one array is constant."""
     if not all(np.ptp(r) for r in pieces):
         return 0.0
     found = walk_and_white(pieces)

@@ -107,6 +107,9 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
     Returns:
         The averaged fit, at the mean values and without a Jacobian; or, if the data do determine the value,
         the values by name of the best point: an initial guess for a search of all parameters.
+
+    Raises:
+        FitError: the other parameters cannot be fitted at the mean value.
     """
     place = [p.name for p in fit.parameters].index(name)
     p, others = fit.parameters[place], [q for q in fit.parameters if q.name != name]

@@ -118,7 +118,8 @@ class Fence:
     def _asked(
         self, act: Callable[[Path], Any], path: Path, computing: float, memory: int
     ) -> tuple[str, Any]:
-        """Compute `act(path)` in the process and return how it ended: a kind and a value.
+        """Compute `act(path)` in the process and return how it ended: a kind and a value. The process is
+        started if necessary, and killed if it does not answer.
 
         The kinds are "done" with the result; "error" with the function's exception; "fault" (the file is at
         fault) and "busy" (nothing is known of the file), both with a sentence. Arguments are those of a call

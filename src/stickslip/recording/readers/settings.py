@@ -243,9 +243,10 @@ def with_settings(
 ) -> list[FileChannel]:
     """Return the channels with units from the settings, as far as they have none of their own.
 
-    Times get the units of the horizontal axis, the other channels those of the vertical axis in order. If no
-    channel has the name of a time, the first numeric column is taken as the time, unless the header contains
-    a clock (`in_header`).
+    Times get the units of the horizontal axis, the other channels those of the vertical axis in order.
+    Settings with one unit for each numeric column count for all of these instead. If no channel has the name
+    of a time, the first numeric column is taken as the time, unless the header contains a clock
+    (`in_header`).
     """
     made, numeric = list(channels), [i for i, one in enumerate(channels) if one.numeric]
     across = [_SECONDS.get(one, one) for one in said.values.get("across", [])]

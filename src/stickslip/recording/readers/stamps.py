@@ -159,9 +159,9 @@ def find_stamps(
         decimal: decimal sign.
 
     Returns:
-        The channels, with `stamp` and `epoch` (whole second of the first sample) set for such columns; and a
-        dictionary with the description (`Stamped`) of each such column by its index. A column of dates beside
-        other times is marked as not numeric.
+        The channels, with `stamp` and `epoch` (whole second of the first sample; only its time of day if day
+        and month may be exchanged) set for such columns; and a dictionary with the description (`Stamped`) of
+        each such column by its index. A column of dates beside other times is marked as not numeric.
     """
     made, found = list(channels), {}
     texts = {i: [row[i] for row in rows if i < len(row) and row[i]] for i in range(len(channels))}

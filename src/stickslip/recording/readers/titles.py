@@ -118,8 +118,8 @@ def _refuse_words(
     titled: list[str] | None,
     data: dict[int, list[str]],
 ) -> None:
-    """Raise RecordingError for a line below the header that has numbers, but also words in columns of
-    numbers.
+    """Raise RecordingError for a line below the header that has numbers or dates in their columns, but also a
+    field of another kind than its column.
 
     Such a line is not skipped silently, because it may be a row of data with a wrong field.
 
