@@ -56,7 +56,7 @@ class SignalChain(NamedTuple):
 
     amplifier: Amplifier | None = None
     capacitance: float | None = None  # capacitance of the piezo that the amplifier charges, F
-    sensor: StrainGauge | Chain | None = None  # end-effector position: its sensor, or its measuring channel
+    sensor: StrainGauge | Chain | None = None  # sensor of the end-effector position, or its channel
 
 
 def equations(model: Any, chain: SignalChain, step: float, any_layout: bool) -> str:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
-    """Return each shown parameter's value with its standard error and confidence interval, by name.
+    """Return the value of each parameter with its standard error and confidence interval, by name.
 
     Intervals that include systematic errors are added where known. A fixed parameter has its value alone.
     `level` is the probability of the intervals.

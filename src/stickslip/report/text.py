@@ -26,7 +26,7 @@ def document_text(document: Document) -> str:
 
 
 def shown_number(number: Number) -> str:
-    """Return a number as plain text with unit, interval and confidence level; for NaN, its note.
+    """Return a number as plain text with unit, interval and confidence level; for NaN, its note or a dash.
 
     If known, the interval that includes systematic errors is added.
     """

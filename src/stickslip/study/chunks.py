@@ -134,8 +134,8 @@ def write_chunk(path: Path, data: bytes) -> None:
 def unpacked(name: str, packed: bytes, count: int) -> bytes:
     """Return the decompressed bytes of a chunk of texts, after checks of their number and size.
 
-    They are the number of texts (4 bytes, little-endian), then for each text its length in bytes (4 bytes)
-    and its UTF-8 bytes. The texts themselves are not decoded here.
+    The bytes are the number of texts (4 bytes, little-endian), then for each text its length in bytes (4
+    bytes) and its UTF-8 bytes. The texts themselves are not decoded here.
 
     Args:
         name: name of the variable, for errors.

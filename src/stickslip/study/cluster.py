@@ -32,8 +32,8 @@ from .measures import told
 from .store import Store
 from .task import Done, Load, received, run_task
 
-# Unfinished tasks that the scheduler has, per worker thread: with LEFT or fewer, tasks are sent until there
-# are AHEAD. One message with many tasks costs less than many messages.
+# Unfinished tasks that the scheduler has, per worker thread: if they are LEFT or fewer, tasks are sent until
+# they are AHEAD. One message with many tasks costs less than many messages.
 # PATIENCE: time for which the run tries to reconnect to a lost scheduler before it gives up, s.
 AHEAD, LEFT, PATIENCE = 3, 2, 60.0
 
@@ -223,8 +223,8 @@ def _give(
     answers: queue.Queue[_RunningShare],
     workers: list[str] | None = None,
 ) -> None:
-    # Keys by which the scheduler knows the tasks. For a known key it would return the result of an earlier
-    # run.
+    # Keys by which the scheduler knows the tasks. For a known key the scheduler would return the result of an
+    # earlier run, so the keys are new.
     keys = [f"{uuid.uuid4().hex[:8]}-{number}" for number in numbers]
     futures = client.map(what, numbers, key=keys, pure=False, workers=workers) if numbers else []
     for number, key, future in zip(numbers, keys, futures, strict=True):

@@ -19,7 +19,7 @@ MOST, TASKS = 8192, 64
 LARGEST = 64_000_000
 TEXT = "text"
 MOST_DIMS = 32  # largest number of dimensions of a study; the limit of NumPy 1 and HDF5
-# Largest number of tasks: each has a file per variable, and a resumed run looks for the status file of each.
+# Largest number of tasks: each task has a file per variable, and a resumed run looks for all status files.
 MOST_TASKS = 10_000_000
 # Largest size of one variable's chunk, bytes: twice `LARGEST`. Reading a chunk takes twice this memory.
 MOST_CHUNK_BYTES = 128_000_000

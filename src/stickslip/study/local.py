@@ -27,7 +27,7 @@ from .errors import STOPPED, StudyError
 from .store import Store
 from .task import Done, Load
 
-# Number of failures after which a task is given up; and of failed starts in succession that end the run.
+# Number of failures after which a task is given up, and number of failed starts in succession that end a run.
 ATTEMPTS = 3
 # A task is late if it has taken more than LATE times the median time of recent tasks, and more than AT_LEAST
 # s.

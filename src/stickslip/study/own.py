@@ -95,7 +95,10 @@ def _found(function: OwnFunction) -> Any:
 
 
 def files_of(paths: Iterable[str]) -> list[tuple[str, bytes]]:
-    """Read files that are to be sent to workers; return pairs of path and content (bytes), each file once."""
+    """Read files that are to be sent to workers; return pairs of path and content (bytes), each path once.
+
+    Raises OSError if a file cannot be read.
+    """
     return [(path, Path(path).read_bytes()) for path in dict.fromkeys(paths)]
 
 

@@ -21,7 +21,7 @@ from ..quantities.units import QuantityError
 
 Array = NDArray[np.float64]
 # Function that is given the name and the values of a varied quantity (numbers in SI, or strings with units).
-# It returns the values in SI [n] and the attributes of the quantity, `units` and `long_name`.
+# The function returns the values in SI [n] and the attributes of the quantity, `units` and `long_name`.
 Read = Callable[[str, ArrayLike], tuple[Array, dict[str, str]]]
 Method = Literal["sobol", "halton", "uniform"]
 Spacing = Literal["linear", "log"]

@@ -12,7 +12,7 @@ import numpy as np
 from .chunks import ChunkError
 from .store import Store
 
-# Time before now, s: the rate of a study is computed from the tasks that were written within it.
+# Length of the time before now, s: tasks that were written in this time determine the rate of a study.
 LATELY = 300.0
 # Name of the status under which members of damaged tasks are counted; a resumed run computes them again.
 DAMAGED = "damaged"
@@ -92,8 +92,9 @@ def study_state(path: str | os.PathLike[str]) -> StudyState:
 def stop_study(path: str | os.PathLike[str]) -> None:
     """Ask all processes that run a study, on any machine that sees its store, to stop.
 
-    They stop within about a second and lose their unfinished tasks. Finished tasks are kept; running the same
-    study again resumes it.
+    They stop within about a second, unless they are reconnecting to a scheduler, and lose their unfinished
+    tasks. Finished tasks are kept. Runs that start later do not stop: running the same study again resumes
+    it.
 
     Raises:
         StudyError: the folder is not a store of a study.

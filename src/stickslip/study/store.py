@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 FORMAT = 2  # version of the store's format, written to the manifest; stores of other versions are not read
 # Age of a partial chunk file after which it is removed, because the process that wrote it must be dead, s.
 ABANDONED = 86_400.0
-# Name of a file in the store; all runs of the study stop when it is created or its time changes.
+# Name of a file in the store; all runs of the study stop when this file is created or its time changes.
 STOP = ".stop"
 _NUMBER = re.compile("0|[1-9][0-9]{0,8}")  # file names that are a task's index along a dimension, below 1e9
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors of the system: disk full, or a quota or size limit
@@ -106,7 +106,7 @@ class Store:
             raise self._no_store(error) from None
 
     def _no_store(self, error: Exception) -> StudyError:
-        # Users understand the text of a ValueError; others, such as KeyError, only name a key.
+        # Users understand the text of a ValueError; other errors, such as KeyError, only name a key.
         said = f": {error}" if isinstance(error, ValueError) else ""
         return StudyError(f"{self.path} is no store of a study, or its zarr.json is damaged{said}")
 
@@ -184,7 +184,7 @@ class Store:
         return f"{self.path}: task {number}: {damage}: run the study again, which computes it anew"
 
     def forget(self, number: int) -> None:
-        """Mark a task as not done by removing its status file; raises StudyError as `_place`."""
+        """Mark a task as not done by deleting its status file; StudyError if a link leads elsewhere."""
         self._written(self.layout.variables[-1], number).unlink(missing_ok=True)
 
     def write(self, number: int, found: xr.Dataset, varied: Mapping[str, NDArray[np.float64]]) -> None:
@@ -358,7 +358,7 @@ class Store:
         return self.path / self.layout.key(variable, number)
 
     def _written(self, variable: StudyVariable, number: int) -> Path:
-        """Return the path at which a chunk is written or removed; raises StudyError as `_place`."""
+        """Return the path at which a chunk is written or removed; StudyError if a link leads elsewhere."""
         folder, _, name = self.layout.key(variable, number).rpartition("/")
         return self._place(folder) / name
 

@@ -27,7 +27,7 @@ def main() -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent process, which ends this one
     if hasattr(signal, "pthread_sigmask"):  # Windows has no such function
-        # The parent has started this process with SIGINT blocked (`sigint_blocked`); now it is ignored.
+        # The parent has started this process with SIGINT blocked (`sigint_blocked`); now SIGINT is ignored.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     # Printed output of a user's function goes to standard error, so that it does not mix with the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")

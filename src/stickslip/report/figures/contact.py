@@ -13,7 +13,7 @@ from .scale import scale_for
 from .style import BLUE, GREEN, MEASURED, VERMILLION, WIDTH, drawn
 
 BINS = 60  # number of edges of a histogram's bars
-# Fraction of a distribution's samples beyond each end of the axis; they are not drawn.
+# Largest fraction of a distribution's samples beyond an end of the axis; they are not drawn.
 TAIL = 0.002
 COLOURS = (BLUE, GREEN)
 

@@ -14,7 +14,7 @@ from .style import BLUE, MEASURED, drawn, trace
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of stick-slip periods that a panel shows, from the middle of the recording.
+# Number of stick-slip periods that a panel shows, centred in the recording.
 _SHOWN = 6.0
 
 

@@ -179,9 +179,9 @@ def legend_above(axes: Axes, columns: int = 4) -> None:
 
 
 def shade(axes: Iterable[Axes], spans: Iterable[tuple[float, float]], label: str) -> None:
-    """Shade spans (start, end) of the horizontal axis in all panels; the first panel has the label.
+    """Shade spans (start, end) of the horizontal axis in all panels.
 
-    The spans are in the units that the axis shows.
+    The spans are in the units that the axis shows. The label is for the legend of the first panel.
     """
     for row, panel in enumerate(axes):
         for i, (start, end) in enumerate(spans):
@@ -189,7 +189,10 @@ def shade(axes: Iterable[Axes], spans: Iterable[tuple[float, float]], label: str
 
 
 def _texts(figure: Figure) -> Iterator[Text]:
-    """Yield the text objects of a figure that may come from a user's file: titles, labels, legends, notes."""
+    """Yield the texts of a figure's axes that may come from a user's file: titles, labels, legends, notes.
+
+    Tick labels, and texts and legends of the whole figure, are not among them.
+    """
     for one in figure.axes:
         yield from (one.title, one._left_title, one._right_title)  # type: ignore[attr-defined]
         yield from (one.xaxis.label, one.yaxis.label, *one.texts)
@@ -200,8 +203,8 @@ def _texts(figure: Figure) -> Iterator[Text]:
 def svg(figure: Figure) -> str:
     """Return the figure as an SVG element: text without XML header, date or external references.
 
-    The figure is changed: texts of more than `LONGEST_TEXT` characters are cut off, its resolution is
-    `DOTS_PER_INCH`, and a pyplot figure is closed.
+    The figure is changed: texts of its axes with more than `LONGEST_TEXT` characters are cut off, its
+    resolution is `DOTS_PER_INCH`, and a pyplot figure is closed.
     """
     target = io.StringIO()
     figure.dpi = DOTS_PER_INCH

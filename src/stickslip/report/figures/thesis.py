@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 # Friction law and motion of fig. 3.1-3.4. Sec. 3.2.3 gives sigma_0 = 600, sigma_1 = 100 and sigma_2 = 25 per
 # micrometre, and F_C = 10 N. It calls the motion "parabolic": x = a t^2/2, with the acceleration PARABOLA
-# (a, m/s^2) chosen so that each statement of its text is reproduced. Only sigma^2 a matters, so another unit
-# of sigma_1 and sigma_2 is equivalent to another a.
+# (a, m/s^2) chosen so that each statement of its text is reproduced. Only the products sigma_1^2 a and
+# sigma_2^2 a matter, so another unit of sigma_1 and sigma_2 is equivalent to another a.
 DEMONSTRATION = LuGre("600 N/um", "100 N s/um", "25 N s/um", 10.0, 10.0)  # type: ignore[arg-type]
 PARABOLA = 30e-6
 _REACH = 0.2e-6  # final displacement of the demonstration, m: twelve presliding distances F_C / sigma_0
