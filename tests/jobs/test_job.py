@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 import stickslip as ss
 from rig.experiment.files import SMALL
 from stickslip.cli import app
+from stickslip.jobs.analysis.results import model_and_chain
 from stickslip.jobs.file import json_schema, read_job
 from stickslip.quantities import registry
 from stickslip.quantities.input_file import InputFileError
@@ -96,6 +97,12 @@ def test_from_a_recording_to_code(tmp_path: Path) -> None:
     assert numbers["compare"]["best"] == "LuGre"
     assert "coulomb_force" in "".join(p.read_text("utf-8") for p in (tmp_path / "out" / "c").rglob("*.h"))
     assert (tmp_path / "out" / "report.html").read_text("utf-8").count("<svg") >= 3
+    model, _ = model_and_chain(tmp_path / "out" / "results.json")  # of the step that identified
+    assert model.friction.sigma_0 == numbers["friction"]["parameters"]["sigma_0"]["value"]
+    results["numbers"]["again"] = numbers["friction"]
+    (tmp_path / "two.json").write_text(json.dumps(results))
+    with pytest.raises(ValueError, match="the steps friction, again have fitted a model each"):
+        model_and_chain(tmp_path / "two.json")
 
 
 def results_unit(name: str) -> str:

@@ -233,6 +233,9 @@ def test_files_fit_and_verify_angles(tmp_path) -> None:
     assert model_and_chain(tmp_path / "walk" / "results.json")[0].rotary
 
     _, found = run(tmp_path, "campaign")
+    model, chain = model_and_chain(tmp_path / "campaign" / "results.json")
+    assert model.rotary
+    assert chain.offset == pytest.approx(found["signal_chain"]["offset"]["value"])
     known = found["friction"]["parameters_with_all_errors"]
     for name in ("sigma_0", "coulomb_force"):
         assert known[name]["low"] < getattr(TURNS.friction, name) < known[name]["high"]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from ..estimate.result import Fit
 from ..gate.errors import GateError, damaged
 from ..gate.results import results_numbers
-from ..identify.results import chain_of, model_of
+from ..identify.results import chain_of, model_of, numbers_of_fit
 from ..parameters import ParameterSetError, load_set
 from ..physics.actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
 from ..quantities.records import quantities_of
@@ -99,7 +99,7 @@ def _of_results(file: Path) -> Exported:
             that exported code does not support.
     """
     try:
-        numbers = results_numbers(file)
+        numbers = numbers_of_fit(results_numbers(file))
         found = numbers["model"]
     except OSError as error:
         raise ExportError(f"{file} cannot be read: {error.strerror}") from error

@@ -71,10 +71,38 @@ def chain_of(numbers: Mapping[str, Any]) -> Chain:
         QuantityError: a field is missing, out of range, or in a unit that it cannot have.
     """
     if "signal_chain" in numbers:
-        return _made(Chain, numbers["signal_chain"], "signal_chain")
+        fields = numbers["signal_chain"]
+        return _made(Chain, fields, "signal_chain", _in_rad(_entries(fields, "signal_chain")))
     known = _entries(numbers.get("parameters", {}), "parameters")
     own = {k: v for k, v in known.items() if k in ("delay", "offset")}
-    return build(Chain, own, "parameters", "offset" in own and own["offset"].unit == "rad")
+    return build(Chain, own, "parameters", _in_rad(own))
+
+
+def numbers_of_fit(numbers: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the numbers of the identification in a results.json: all of them or, in the results of a job
+    with several steps, those of the step that fitted a model.
+
+    Raises:
+        QuantityError: several steps of the job fitted a model.
+    """
+    if "model" in numbers:
+        return numbers
+    steps = {
+        name: one
+        for name, one in numbers.items()
+        if isinstance(one, Mapping) and "model" in one and "parameters" in one
+    }
+    if len(steps) > 1:
+        raise QuantityError(
+            f"the steps {', '.join(steps)} have fitted a model each: name the results of one, such as "
+            "steps/1_identify.json beside this file"
+        )
+    return next(iter(steps.values()), numbers)
+
+
+def _in_rad(entries: Mapping[str, Any]) -> bool:
+    """Return True if the offset among the fields of a signal chain is an angle."""
+    return "offset" in entries and entries["offset"].unit == "rad"
 
 
 def _fields(record: Any, owner: Any = None) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...gate.text import read_json
+from ...identify.results import numbers_of_fit
 from ...parameters.writing import parameter_text
 from ...quantities.registry import use_file
 from ...quantities.units import QuantityError
@@ -28,7 +29,7 @@ def fit_parameters(path: Path, title: str, source: str, used: Sequence[str] = ()
         use_file(file)
     model, _ = model_and_chain(path)
     try:
-        found = read_json(path)["numbers"].get("parameters", {}).items()
+        found = numbers_of_fit(read_json(path)["numbers"]).get("parameters", {}).items()
     except (LookupError, TypeError, AttributeError):
         raise QuantityError("its results.json holds no mapping of parameters") from None
     known = {name: one.get("standard_error") for name, one in found if isinstance(one, dict)}

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 from ...gate.errors import damaged
 from ...gate.text import read_json
-from ...identify.results import chain_of, model_of
+from ...identify.results import chain_of, model_of, numbers_of_fit
 from ...identify.saved import FORMAT, load_fit
 from ...identify.walk.prediction import Predictor
 from ...physics.actuator import Actuator
@@ -33,7 +33,7 @@ def model_and_chain(path: Path) -> tuple[Actuator, Chain]:
                 raise ValueError("it is a saved fit, but of no walk")
             return predictor.model, predictor.chain
         try:
-            numbers = content["numbers"]
+            numbers = numbers_of_fit(content["numbers"])
             return model_of(numbers["model"]), chain_of(numbers)
         except KeyError as error:
             raise AnalysisError(
