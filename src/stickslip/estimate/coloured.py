@@ -199,9 +199,9 @@ def _without_walk(r: Array, ratio: float) -> Array:
 
 
 def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:
-    r"""Return :math:`J^T \Sigma J`, shape (k, k), for the Jacobians J [n, k] of several recordings. The noise
-    of each recording has the covariance :math:`\Sigma` of this model, and is independent of the other
-    recordings."""
+    r"""Return :math:`J^T \Sigma J`, shape (k, k), for the Jacobians J [n, k] of several recordings
+    (`jacobians`). The noise of each recording has the covariance :math:`\Sigma` of this model, and is
+    independent of the other recordings."""
     total = np.zeros((jacobians[0].shape[1],) * 2)
     for j in jacobians:
         lags = noise.autocovariance[: len(j)]

@@ -206,9 +206,9 @@ def _described(
 ) -> Posterior:
     """Return the posterior from independence Metropolis chains over the proposals of all given rounds.
 
-    A chain accepts the next proposal with the ratio of its weight to that of the present one. `arviz` is the
-    module, `seed` the seed of the acceptance, and `done` the number of simulations so far, which the samples
-    record.
+    A chain accepts the next proposal with the ratio of its weight to that of the present one. `parameters`
+    and `ties` are as for `sample`, `arviz` is the module, `seed` the seed of the acceptance, and `done` the
+    number of simulations so far, which the samples record.
     """
     import xarray as xr
 

@@ -17,7 +17,7 @@ from .source import FileChannel, FileContent, Rows
 
 class Leaf(NamedTuple):
     """An array in a file. Its function `load`, without arguments, reads the array when needed; `shape` is
-    known before."""
+    known before. `of_complex` is True for complex numbers."""
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]

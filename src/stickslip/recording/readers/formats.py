@@ -45,6 +45,7 @@ def find_format(path: Path) -> str:
     Raises:
         RecordingError: there is no such file, it is a folder, is empty, has an unknown format, or its
             extension contradicts its content.
+        GateError: it is a large file with hardly any content (see `check_regular`).
     """
     if path.is_dir():
         raise RecordingError("is a folder, not a file; name a file in it")

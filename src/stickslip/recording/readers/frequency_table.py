@@ -333,7 +333,8 @@ def _reference(one: dict[str, Any]) -> str:
 
 def _dataset(frequency: Array, values: NDArray[Any], unit: str, path: Path) -> xr.Dataset:
     """Return the dataset of a response [frequency, output, input], sorted by frequency [Hz]. The frequency 0
-    is left out, because there is no phase.
+    is left out, because there is no phase. `unit` is that of the response; the name of the file `path`
+    becomes the attribute "source".
 
     Raises:
         RecordingError: there are fewer than two frequencies above 0, or one is repeated.

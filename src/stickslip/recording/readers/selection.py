@@ -62,8 +62,9 @@ def select(
         equally_spaced: True: the user gave a sample rate, so there is no clock.
 
     Raises:
-        RecordingError: a column is missing or contains no numbers; there is no clock, or more than one; a
-            unit is not known or has another dimension.
+        RecordingError: a column is missing or contains no numbers; there is no clock, more than one, or one
+            beside a sample rate; `units` or `clocks` has another name; a unit is not known or has another
+            dimension.
     """
     named = {name: find_channel(channels, column) for name, column in columns.items() if name != "time"}
     named = named or _all(channels)
@@ -160,7 +161,8 @@ def _scale(said: str, own: str, standard: str) -> Conversion:
 
 def _all(channels: Sequence[FileChannel]) -> dict[str, int]:
     """Return the indices of all channels of numbers that are not times, by names for the variables: the
-    channels' names in lower case, with "_" for other signs."""
+    channels' names in lower case, with "_" for other signs. A name that is no identifier gets "column_"
+    before it, a repeated one the channel's index after it."""
     result: dict[str, int] = {}
     for i, channel in enumerate(channels):
         if channel.numeric and channel.clock != i and not is_clock(channel) and not in_seconds(channel):
