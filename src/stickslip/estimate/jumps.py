@@ -179,9 +179,13 @@ def _spectrum(left: Array, floor: float) -> tuple[Array, float]:
 
 
 class _Whitened:
-    """Differences of residuals in a sine basis, divided by the root of their spectrum (so that noise is
+    """Differences of residuals r [n] in a sine basis, divided by the root of their spectrum (so that noise is
     white), without the part that columns and known events describe. Methods estimate the sizes of further
-    events in them."""
+    events in them.
+
+    `columns` [n, k] are derivatives by the parameters and time courses of other faults, as for `events`;
+    `found` are the known events, and `spectrum` [n - 1] is that of the differences of the noise.
+    """
 
     def __init__(self, r: Array, columns: Array, found: Sequence[Event], spectrum: Array) -> None:
         shapes = [e.shape(r.size)[:, None] for e in found]
