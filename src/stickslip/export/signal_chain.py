@@ -1,7 +1,7 @@
-"""Amplifier and sensor over one time step, in the subset of Python that is translated to C.
+"""Amplifier, sensor and position channel over one time step, in the subset of Python that is translated to C.
 
-`physics.electronics` computes them for whole signals. Over one step with a constant input, both have the
-closed forms below.
+`physics.electronics` computes amplifier and sensor for whole signals. Over one step with a constant input,
+both have the closed forms below.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def _refuse(model: Any) -> None:
 def _of_results(file: Path) -> Exported:
     """Read the actuator that ``stickslip identify`` wrote into a results.json.
 
-    The sources of fitted values have their standard errors; the signal chain is read if it was fitted.
+    The sources of fitted values have their standard errors; the signal chain is read if the file has one.
 
     Raises:
         ExportError: the file cannot be read, is damaged, or has no model of a walk, or the model has parts

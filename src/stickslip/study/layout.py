@@ -51,9 +51,10 @@ class StudyVariable(NamedTuple):
 class Layout(NamedTuple):
     """Layout of all results of a study in its store.
 
-    `dims` and `shape` are the dimensions of the study and their sizes. `task` is the number of members of a
-    task along each dimension: a task is a block of members. `variables` are in the order of writing: the
-    status is last, so that a task with a status file is complete.
+    `dims` and `shape` are the dimensions of the study and their sizes. A task is a block of members; `task`
+    is the number of its members along each dimension, and the last task of a dimension may have fewer.
+    `variables` are in the order of writing: the status is last, so that a task with a status file is
+    complete.
     """
 
     dims: tuple[str, ...]

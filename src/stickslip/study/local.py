@@ -191,7 +191,7 @@ class Tasks:
     def limit(self) -> float:
         """Return the computing time above which a task is late, s; infinite while no task is done.
 
-        It is `LATE` times the median of the last 200 finished tasks, at least `AT_LEAST`.
+        The limit is `LATE` times the median of the last 200 finished tasks, at least `AT_LEAST`.
         """
         if not self.seconds:
             return math.inf
