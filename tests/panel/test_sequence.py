@@ -124,3 +124,39 @@ def test_a_stop_at_the_end_of_a_run_does_not_last(tmp_path: Path, monkeypatch: p
     runner.stop("stop")
     runner.join(PATIENCE)
     assert runner.state["phase"] == "done"
+
+
+def test_a_run_may_last_longer_than_one_wait_for_its_end() -> None:
+    runs, waits = Runs(), list[float]()
+    runs.busy = True
+
+    def join(most: float) -> None:
+        waits.append(most)
+        runs.busy = len(waits) < 3
+        runs.state = {"phase": "running" if runs.busy else "done"}
+
+    runs.join = join  # type: ignore[method-assign]
+    made = Sequencer(Rests(), None, runs, runs)  # type: ignore[arg-type]
+    assert made._ended(lambda: None) == "done"
+    assert len(waits) == 4
+
+
+def test_a_runner_is_free_again_whatever_fails_at_the_end_of_a_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hub = Listening()
+    journal = Journal(hub, Folder(tmp_path))
+    statistics = Statistics(hub, journal, tmp_path)
+    runner = Runner(hub, Live(hub), journal, tmp_path, None, statistics)  # type: ignore[arg-type]
+    monkeypatch.setattr(running, "rigs_of", lambda *_: tmp_path)
+    monkeypatch.setattr(runner, "reach", lambda folder: SimpleNamespace(folder=tmp_path))
+    monkeypatch.setattr(threading, "excepthook", lambda failed: None)
+
+    def fails(position: float) -> None:
+        raise ValueError("at the end")
+
+    monkeypatch.setattr(statistics, "end", fails)
+    for _ in range(2):
+        runner.start(BenchJob("Move", None, tmp_path, tmp_path, [], loop=lambda progress: None))  # type: ignore[arg-type]
+        runner.join(PATIENCE)
+        assert not runner.busy

@@ -237,3 +237,15 @@ def test_alarms_are_raised_once_a_run_and_kept(tmp_path: Path) -> None:
     assert sum("alarm" in str(one) and '"log"' in str(one) for one in hub.told) == 1
     again, _ = numbers(tmp_path)
     assert again.alarms == found.alarms
+
+
+def test_an_alarm_whose_limit_has_another_unit_than_its_values_stops_the_run(tmp_path: Path) -> None:
+    """It was accepted before the statistic had a value: a limit that cannot be compared is none."""
+    found, hub = numbers(tmp_path)
+    found.set_alarms([Alarm(statistic="rms of drive_voltage", high="1 m", stop=True)])
+    found.begin(COLUMNS, "drive_voltage")
+    block = {"drive_voltage": np.full(10, 50.0), "end_effector_position": np.zeros(10)}
+    assert "rms of drive_voltage = '1 m'" in found.add(block, 0.0)
+    found.end(0.0)
+    assert found.values["rms of drive_voltage"]["alarm"]
+    assert sum("alarm" in str(one) and '"log"' in str(one) for one in hub.told) == 1

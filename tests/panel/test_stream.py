@@ -213,3 +213,17 @@ def test_control_is_held_by_one_page_and_handed_over() -> None:
     assert "first" not in hub.told[-1], "nobody is told the secret of a page"
     with pytest.raises(ControlError, match="X-Client"):
         control.need("")
+
+
+@pytest.mark.parametrize("take", ["need", "ask"])
+def test_control_of_a_lost_page_ends_what_it_had_armed_however_it_is_taken(take: str) -> None:
+    now, ended = 0.0, list[str]()
+    control = Control(Listening(), clock=lambda: now)
+    control.gone.append(lambda: ended.append(control.holder))
+    control.need("first")  # which is not connected
+    control.ask("")  # a page without a secret asks for nothing
+    now = 20.0
+    getattr(control, take)("second")
+    assert ended == ["second"]
+    control.need("second")
+    assert ended == ["second"]

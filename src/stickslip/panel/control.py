@@ -30,8 +30,8 @@ class Control:
     Attributes:
         holder: secret of the page in control, "" if no page has control.
         asking: secret of the page that asks for control, "" if no page does.
-        gone: functions without arguments, called by `watch` when the page in control lost its connection and
-            did not come back within `PATIENCE`.
+        gone: functions without arguments, called when control is taken from a page that lost its connection
+            and did not come back within `PATIENCE`.
     """
 
     def __init__(self, hub: Hub, clock: Callable[[], float] = time.monotonic) -> None:
@@ -50,12 +50,13 @@ class Control:
         The state is then sent to all pages, so that the page in control can show the request. A request of
         the page in control changes nothing.
         """
+        lost = False
         with self._lock:
             if not self._free():
                 self.asking = identity if identity not in ("", self.holder) else self.asking
             elif identity:
-                self._give(identity)
-        self._hub.send(self._message())
+                lost = self._give(identity)
+        self._changed(lost)
 
     def hand_over(self, client: Client) -> None:
         """Give control to the page that asked for it, or to no page if none asked.
@@ -83,11 +84,20 @@ class Control:
                 return
             if not self._free():
                 raise ControlError("another page controls the rig: ask it for control, at the top")
-            self._give(identity)
-        self._hub.send(self._message())
+            lost = self._give(identity)
+        self._changed(lost)
 
-    def _give(self, identity: str) -> None:
+    def _give(self, identity: str) -> bool:
+        """Give control to a page, to no page for ""; return True if another page had it."""
+        had = self.holder not in ("", identity)
         self.holder, self.asking, self._seen = identity, "", self._clock()
+        return had
+
+    def _changed(self, lost: bool) -> None:
+        """Send the state to all pages; call the functions in `gone` if the page in control was lost."""
+        self._hub.send(self._message())
+        for act in self.gone if lost else ():
+            act()
 
     def _free(self) -> bool:
         """Return True if nobody has control, or if its page has been lost for `PATIENCE` seconds.
@@ -106,10 +116,8 @@ class Control:
         with self._lock:
             if not self.holder or not self._free():
                 return
-            self._give(self.asking)
-        self._hub.send(self._message())
-        for act in self.gone:
-            act()
+            lost = self._give(self.asking)
+        self._changed(lost)
 
     def _message(self) -> Message:
         return json.dumps({"kind": "control", "holder": shown(self.holder), "asking": shown(self.asking)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -65,8 +65,8 @@ class Runner:
     """Runs one job at a time. `position` is the end-effector's last measured position, m (rad) from home. If
     the output then ramped to 0 V, `before_ramp` is True: the end-effector may have moved since.
 
-    The output belongs to the rig's process, which stops by itself if this one dies or stalls. A stop goes
-    directly to the rig's process, whatever the run's thread is doing.
+    The rig's process owns the output and stops by itself if this process dies or stalls. A stop goes directly
+    to the rig's process.
 
     Args:
         hub, live, journal: stream, curves and log, which receive the progress.
@@ -96,15 +96,8 @@ class Runner:
         self.position = 0.0
         self.before_ramp = False
         self._moved, self._volts = False, 0.0  # position measured in this job? last drive voltage, V
-        self.state: dict[str, Any] = {
-            "number": 0,
-            "phase": "idle",
-            "title": "",
-            "doing": "",
-            "done": 0.0,
-            "remaining": None,
-            "stop": None,
-        }
+        self.state: dict[str, Any] = {"number": 0, "phase": "idle", "title": "", "doing": ""}
+        self.state |= {"done": 0.0, "remaining": None, "stop": None}
 
     @property
     def where(self) -> dict[str, Any]:
@@ -272,16 +265,20 @@ class Runner:
             said = str(error) if known else f"unexpected {type(error).__name__}"
             self._journal(f"{job.title}: {said}", "error")
         finally:
-            self._live.end()
-            self._statistics.end(self.position)
-            if job.finished is not None:
-                self._finish(job.finished)
-            collect()
-            if self._moved:
-                self.before_ramp = ramped
-            with self._telling:
-                self._busy = False  # before pages hear of the end: one may start a run at once
-                self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
+            with ExitStack() as last:
+                last.callback(self._ended, phase, ramped)  # called whatever fails before
+                self._live.end()
+                self._statistics.end(self.position)
+                if job.finished is not None:
+                    self._finish(job.finished)
+                collect()
+
+    def _ended(self, phase: str, ramped: bool) -> None:
+        if self._moved:
+            self.before_ramp = ramped
+        with self._telling:
+            self._busy = False  # before pages hear of the end: one may start a run at once
+            self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 
     def _recorded(self, job: BenchJob, progress: Progress) -> int:
         """Run the job; return the number of its recordings (1 for a loop)."""

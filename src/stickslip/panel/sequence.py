@@ -228,6 +228,8 @@ class Sequencer:
         if self._ending.is_set():
             # The sequence was ended while the run was starting.
             self._runner.stop("stop")
+        while self._runner.busy and not self._ending.is_set():
+            self._runner.join(1.0)
         self._runner.join(_ENDS)
         return str(self._runner.state["phase"])
 

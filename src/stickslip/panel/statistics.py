@@ -199,10 +199,18 @@ class Statistics:
             value = self.values.get(alarm.statistic)
             if value is None:
                 continue
-            low, high = (
-                None if limit is None else to_si(limit, value["unit"], alarm.statistic)
-                for limit in (alarm.low, alarm.high)
-            )
+            try:
+                low, high = (
+                    None if limit is None else to_si(limit, value["unit"], alarm.statistic)
+                    for limit in (alarm.low, alarm.high)
+                )
+            except QuantityError as error:  # a limit that cannot be compared counts as exceeded
+                value["alarm"] = True
+                if alarm.statistic not in self._raised:
+                    self._raised.add(alarm.statistic)
+                    self._journal(f"alarm: {error}", "error")
+                    stop = f"alarm: {error}" if alarm.stop else stop
+                continue
             beyond = (low is not None and value["value"] < low) or (
                 high is not None and value["value"] > high
             )

@@ -29,11 +29,6 @@ from .design_given import (
 )
 from .model import named_model
 
-# MOST_ROWS: largest number of rows of a table of the worst conditions in a report. MOST_POINTS: largest
-# number of points of a front. The file results.json has all of them.
-MOST_ROWS, MOST_POINTS = 30, 12
-STOPPED = "stopped before the end of the search: the best until then"
-
 
 class OptimiseSpec(
     SearchSpec, arguments_of(optimise_waveform, "knots", "draws", "quantile", "minimum_speed", "budget")

@@ -17,6 +17,7 @@ bursts.csv`` and a `frequency` instead, existing measurements are fitted.
 from __future__ import annotations
 
 import os
+from contextlib import ExitStack
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -152,11 +153,13 @@ def _made(file: StepsFile, folder: Path, progress: Progress, keep: Path | None) 
         )
     given: dict[str, Any] = {k: tuple(x) if isinstance(x, list) else x for k, x in file.bursts.items()}
     bursts = Bursts(**given)
-    motor = file.positioner.made(folder)
-    try:
+    with ExitStack() as closing:
+        motor = file.positioner.made(folder)
+        closing.callback(motor.close)
         shows, axis = motor, file.axis
         if file.sensor is not None:
             shows, axis = file.sensor.made(folder), file.sensor_axis
+            closing.callback(getattr(shows, "close", _nothing))
         elif not motor.ranges.sensor:
             raise AnalysisError(
                 f'steps: {motor.ranges.name} has no sensor: name one, sensor: {{kind: "my_camera.py:Camera"}}'
@@ -170,5 +173,7 @@ def _made(file: StepsFile, folder: Path, progress: Progress, keep: Path | None) 
             progress=progress,
             keep=keep,
         )
-    finally:
-        motor.close()
+
+
+def _nothing() -> None:
+    """Close a user's own sensor that needs no closing: only its `position` is required."""

@@ -33,7 +33,6 @@ from .walk import WalkRecording
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_PICTURES = 8
 DRIVE = "drive_voltage"
 _READ = ("time", POSITION, DRIVE)
 _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_voltage=kV"}
