@@ -20,11 +20,11 @@ from export.building import (
     output,
     walk,
 )
-from friction.samples import ALL, name
+from friction.samples import ALL, STATIC, name
 from stickslip import Actuator, load_actuator, simulate
 from stickslip.export import export_c
 from stickslip.export.signal_chain import amplifier_after, sensor_after, sensor_output
-from stickslip.friction import Coulomb, LuGre
+from stickslip.friction import Coulomb, LuGre, ResetIntegrator
 from stickslip.physics import PulledSlider
 from stickslip.physics.electronics import StrainGauge, amplifier_output
 from stickslip.recording.chain import Chain
@@ -61,6 +61,7 @@ def test_campaign(volts, hertz, shape, reaction, real, tmp_path) -> None:
     assert difference(model, drive, 4 / hertz, found, 1e-11) < STATED[real]
 
 
+RESET = next(law for law in ALL if isinstance(law, ResetIntegrator))
 # A stiff contact near its breakaway that a jump of the drive breaks loose within a step.
 BREAKS = Actuator(
     gain=1.033e-7,
@@ -154,6 +155,16 @@ def test_no_warnings(compiler, real, tmp_path) -> None:
     flags = ["-DSTICKSLIP_FLOAT"] if real == "float" else ["-O1"]
     for program in ("walk", "observe", "scan"):
         compiled(tmp_path / "c", tmp_path / "c" / "host" / f"{program}.c", *flags, compiler=compiler)
+
+
+@pytest.mark.parametrize(
+    ("law", "level"), [(STATIC[0], "-O1"), (STATIC[0], "-Os"), (RESET, "-O3"), (ALL[-1], "-O3")], ids=str
+)
+def test_no_optimisation_level_warns(law, level, tmp_path) -> None:
+    """Whether gcc takes a variable as uninitialised depends on the level, and on the law. Other tests compile
+    with -O0 and -O2."""
+    export_c(KANG.replace(friction=law), tmp_path / "c", duration=0.2)
+    compiled(tmp_path / "c", tmp_path / "c" / "host" / "walk.c", level)
 
 
 # A model whose end-effector is clamped after the export: what init says of it, or where it is after a ramp.

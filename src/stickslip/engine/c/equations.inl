@@ -18,14 +18,14 @@ HOT void OF(pin)(const struct plant *P, int e, real_t kept, real_t *x, int strid
  * contacts already fix gets no force. */
 HOT void OF(eliminate)(const struct plant *P, int count, real_t A[ROOM_ELEMENTS][ROOM_ELEMENTS], real_t *b)
 {
-    real_t pivot[ROOM_ELEMENTS], size[ROOM_ELEMENTS];
+    real_t size[ROOM_ELEMENTS];
     for (int k = 0; k < count; k++)
         size[k] = r_abs(A[k][k]);
     for (int k = 0; k < count; k++) {
         bool resolved = P->statics == 1 || r_abs(A[k][k]) > R(1e-9) * size[k];
-        pivot[k] = resolved ? R(1.0) / A[k][k] : R(0.0);
+        A[k][k] = resolved ? R(1.0) / A[k][k] : R(0.0); /* from here on the inverse of the pivot */
         for (int i = k + 1; i < count; i++) {
-            real_t share = A[i][k] * pivot[k];
+            real_t share = A[i][k] * A[k][k];
             for (int j = k + 1; j < count; j++)
                 A[i][j] -= share * A[k][j];
             b[i] -= share * b[k];
@@ -34,7 +34,7 @@ HOT void OF(eliminate)(const struct plant *P, int count, real_t A[ROOM_ELEMENTS]
     for (int k = count - 1; k >= 0; k--) {
         for (int j = k + 1; j < count; j++)
             b[k] -= A[k][j] * b[j];
-        b[k] *= pivot[k];
+        b[k] *= A[k][k];
     }
 }
 

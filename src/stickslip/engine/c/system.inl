@@ -68,6 +68,8 @@ HOT void OF(linearise_states)(const struct plant *P, const struct OF(regime) *on
         struct law_slopes slopes = OF(slopes_of)(&of, s, z);
         if (RARE(E->along != NULL))
             stiffens = OF(soften)(E, &of, load, s, z, q, c, &slopes, w);
+        else if (RARE(1)) /* no effect; set, so that no compiler takes them as uninitialised */
+            w->zx[c] = w->zw[c] = R(0.0);
         real_t zz = RARE(1) ? slopes.rate_z - load->fresh : slopes.rate_z;
         made->force += slopes.force;
         made->force_t += slopes.force_v * st;
@@ -119,8 +121,12 @@ HOT void OF(linearise)(const struct plant *P, const struct OF(regime) *on, int e
         weights[c] = RARE(E->law->smooth) ? as_position : r_max(R(1.0), as_position);
         w->fp[c] = fz * w->pz[c];
     }
-    if (RARE(E->along != NULL))
+    if (RARE(E->along != NULL)) {
         OF(place)(P, e, &load, force[e], w);
+    } else if (RARE(1)) { /* no effect; set, so that no compiler takes them as uninitialised */
+        w->psi[e] = w->psx[e] = R(0.0);
+        w->kappa[e] = R(1.0);
+    }
 }
 
 /* Return the effect of the output of element j on the input of element i within a step. */
