@@ -1,11 +1,14 @@
 """The report of a simulation, from a real one."""
 
+import math
+import re
+
 import pytest
 
 from stickslip.physics.actuator import load_actuator
 from stickslip.report import Document, Number
 from stickslip.report.trajectory import trajectory_document
-from stickslip.simulation import SimulationWarning, simulate
+from stickslip.simulation import SimulationWarning, simulate, steady_step
 from stickslip.waveform.periodic import Sawtooth
 
 MODEL = load_actuator("kang2007").replace(end_effector_mass="0.12 kg")
@@ -21,11 +24,32 @@ def test_results_are_those_of_the_samples(document: Document) -> None:
     trajectory = simulate(MODEL, DRIVE)
     x = trajectory["end_effector_position"].values
     assert document.numbers["net_displacement"] == Number(x[-1], "m")
-    assert document.numbers["mean_velocity"].value == pytest.approx(x[-1] / 0.1)
+    assert document.numbers["mean_velocity"].value == pytest.approx((x[-1] - x[50]) / 0.05)
     assert document.numbers["greatest_friction_force"].value == abs(trajectory["friction_force"]).max()
     assert document.numbers["steady_step"] == Number(3e-6, "m")
     assert ("steady step", Number(3e-6, "m")) in document.highlights
-    assert "moved by" in document.summary
+    assert document.summary.endswith("in 1 period of the drive, between equal phases.")
+
+
+@pytest.mark.parametrize("hertz", [50.0, 60.0])  # at 60 Hz, no sample is at the end of the first period
+def test_the_headline_does_not_count_the_stroke_that_is_taken_back(hertz: float) -> None:
+    model = load_actuator("kang2007").replace(incline="5 deg", end_effector_mass="0.2 kg")
+    drive = Sawtooth(65.0, hertz, periods=4)
+    step = steady_step(model, drive)
+    document = trajectory_document(model, drive, simulate(model, drive), Number(step, "m"))
+    assert document.numbers["net_displacement"].value > 5 * step
+    assert document.numbers["mean_velocity"].value == pytest.approx(hertz * step, rel=0.05)
+    periods = 3 if hertz == 50.0 else 1
+    said = re.fullmatch(rf"The end-effector moved by (\S+) µm in {periods} periods? .*", document.summary)
+    assert said
+    assert 1e-6 * float(said[1]) == pytest.approx(periods * step, rel=0.05)
+
+
+def test_less_than_two_periods_have_no_mean_velocity() -> None:
+    document = trajectory_document(MODEL, DRIVE, simulate(MODEL, DRIVE, 0.07))
+    assert math.isnan(document.numbers["mean_velocity"].value)
+    assert "two whole periods" in document.numbers["mean_velocity"].note
+    assert document.summary.endswith("in 70 ms, from the first sample to the last.")
 
 
 def test_every_parameter_is_told_with_unit_and_origin(document: Document) -> None:

@@ -22,6 +22,7 @@ from ..quantities.records import Quantity, quantities
 from ..quantities.units import ANGLE, LENGTH, QuantityError, unit_for
 from ..simulation import SimulationError, steady_step
 from ..simulation.trajectory import COMPLETE, follow_model
+from ..simulation.whole_periods import mean_velocity
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
 from . import piezo_sliders
@@ -211,11 +212,8 @@ def motion(state: SliderState, sets: Sets = PACKAGE) -> ShownMotion:
 
 
 def mean_speed(state: SliderState, found: ShownMotion, sets: Sets = PACKAGE) -> float | None:
-    """Return the mean speed of the end-effector, m/s or rad/s; None for fewer than two whole periods.
-
-    The speed is the mean from the end of the first to the end of the last whole period. The drive has the
-    same phase at both times, so elastic deflection does not count. For a drive without a period, it is the
-    mean from the first to the last sample.
+    """Return the mean speed of the end-effector, m/s or rad/s, as `mean_velocity` defines it; None for fewer
+    than two whole periods of the drive.
 
     Args:
         state: state of the page.
@@ -223,14 +221,7 @@ def mean_speed(state: SliderState, found: ShownMotion, sets: Sets = PACKAGE) -> 
         sets: parameter sets on offer.
     """
     _, waveform, _ = state.experiment(sets)
-    period, time, position = _period(waveform), found.time, found.end_effector_position
-    if period is None:
-        return float((position[-1] - position[0]) / (time[-1] - time[0]))
-    whole = math.floor(time[-1] / period * (1 + 1e-12))
-    if whole < 2:
-        return None
-    first, last = np.interp([period, whole * period], time, position)
-    return float((last - first) / ((whole - 1) * period))
+    return mean_velocity(found.time, found.end_effector_position, waveform)
 
 
 def step_curves(state: SliderState, sets: Sets = PACKAGE) -> dict[str, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from ..parameters import changes, load_set
 from ..physics.actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
 from ..quantities.records import quantities_of
 from ..quantities.units import with_prefix
+from ..simulation.whole_periods import mean_velocity, whole_periods
 from ..waveform.signal import Waveform
 from .document import Column, Document, Number, Picture, Section, Table
 from .figures.style import svg
@@ -20,7 +22,12 @@ from .figures.trajectory import trajectory as drawn_trajectory
 if TYPE_CHECKING:
     import xarray as xr
 
-_HIGHLIGHTS = ("net_displacement", "steady_step", "mean_velocity")
+_HIGHLIGHTS = ("steady_step", "mean_velocity")
+_NOTES = (
+    "Greatest values are those of the samples. The net displacement is the last position minus the first: it "
+    "includes elastic deflection. The mean velocity is that between equal phases of a periodic drive."
+)
+_NO_VELOCITY = "needs two whole periods of the drive with samples at their ends, or three"
 
 
 def trajectory_document(
@@ -38,15 +45,13 @@ def trajectory_document(
             computed.
     """
     name = model.name or type(model).__name__
-    numbers = _results(trajectory)
+    numbers = _results(trajectory, waveform)
     if steady_step is not None:
         numbers["steady_step"] = steady_step
     complete = trajectory.attrs["outcome"] == "complete"
-    moved = with_prefix(numbers["net_displacement"].value, numbers["net_displacement"].unit)
     duration = with_prefix(float(trajectory["time"][-1]), "s")
-    summary = f"The end-effector moved by {moved} in {duration}."
-    if isinstance(model, PulledSlider):
-        summary = f"The slider moved by {moved} in {duration}."
+    body = "slider" if isinstance(model, PulledSlider) else "end-effector"
+    summary = f"The {body} moved by {_moved(trajectory, waveform)}."
     if not complete:
         summary = f"The simulation {trajectory.attrs['outcome']}. Until then: {summary}"
     figure = Picture(
@@ -59,7 +64,7 @@ def trajectory_document(
         "Results.",
         (Column("quantity"), Column("value")),
         [(_title(key), number) for key, number in numbers.items()],
-        notes="Greatest values are those of the samples." if complete else trajectory.attrs["outcome"],
+        notes=_NOTES if complete else trajectory.attrs["outcome"],
     )
     parameters = list(_entries(model))
     drive = list(_entries(waveform))
@@ -88,13 +93,30 @@ def trajectory_document(
     )
 
 
-def _results(trajectory: xr.Dataset) -> dict[str, Number]:
+def _moved(trajectory: xr.Dataset, waveform: Waveform) -> str:
+    """Return the displacement in words: over whole periods of the drive, or, if there are too few or the
+    drive has no period, from the first sample to the last."""
+    time, position = trajectory["time"].values, trajectory["end_effector_position"]
+    unit, x = position.attrs["units"], position.values
+    found = whole_periods(time, x, waveform)
+    if found is None:
+        duration = with_prefix(float(time[-1] - time[0]), "s")
+        return f"{with_prefix(float(x[-1] - x[0]), unit)} in {duration}, from the first sample to the last"
+    periods, displacement = found
+    count = "1 period" if periods == 1 else f"{periods} periods"
+    return f"{with_prefix(displacement, unit)} in {count} of the drive, between equal phases"
+
+
+def _results(trajectory: xr.Dataset, waveform: Waveform) -> dict[str, Number]:
     time, x = trajectory["time"].values, trajectory["end_effector_position"].values
     unit = trajectory["end_effector_position"].attrs["units"]
     forces = trajectory["friction_force"].attrs["units"]
+    velocity = mean_velocity(time, x, waveform)
     found = {
         "net_displacement": Number(float(x[-1] - x[0]), unit),
-        "mean_velocity": Number(float((x[-1] - x[0]) / (time[-1] - time[0])), f"{unit}/s"),
+        "mean_velocity": Number(math.nan, f"{unit}/s", note=_NO_VELOCITY)
+        if velocity is None
+        else Number(velocity, f"{unit}/s"),
         "greatest_friction_force": Number(_greatest(trajectory, "friction_force"), forces),
     }
     if "sliding_displacement" in trajectory:
