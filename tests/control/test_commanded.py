@@ -37,10 +37,11 @@ TOLD: tuple[tuple[float, dict[str, Any]], ...] = (
 
 
 class Told:
-    """The controller, with an operator."""
+    """The controller, with an operator. `said` is its state before each command, `ticks` at each tick."""
 
-    def __init__(self, made: Commanded) -> None:
-        self.made, self.left, self.said = made, list(TOLD), list[dict[str, Any]]()
+    def __init__(self, made: Commanded, told: Any = TOLD) -> None:
+        self.made, self.left, self.said = made, list(told), list[dict[str, Any]]()
+        self.ticks, self.refused = list[dict[str, Any]](), 0
 
     @property
     def done(self) -> bool:
@@ -49,8 +50,13 @@ class Told:
     def step(self, measured: float, target: float, tick: int) -> float:
         if self.left and tick >= self.left[0][0] * RATE:
             self.said.append({**self.made.told(), "target": self.made.target})
-            self.made.command(**self.left.pop(0)[1])
-        return self.made.step(measured, target, tick)
+            try:
+                self.made.command(**self.left.pop(0)[1])
+            except QuantityError:
+                self.refused += 1
+        volts = self.made.step(measured, target, tick)
+        self.ticks.append({**self.made.told(), "target": self.made.target})
+        return volts
 
 
 @pytest.fixture(scope="module")
@@ -147,6 +153,92 @@ def test_a_jog_ends_when_it_is_not_heard_any_more(spec, halts: bool) -> None:
     assert jogged.steps[round(ends * RATE)] > jogged.steps[round(0.58 * RATE)]
     assert float(x[-1]) < farthest
     assert jogged.commanded.mover.phase == "hold"
+
+
+def jogged_until(time: float, *then: tuple[float, dict[str, Any]]) -> list[tuple[float, dict[str, Any]]]:
+    """Return the commands of a jog, every 50 ms from 0 s on, and the later ones."""
+    return [*((0.05 * k, {"do": "jog", "way": 1}) for k in range(round(time / 0.05) + 1)), *then]
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        {"do": "dance"},
+        {"do": "go", "to": "there"},
+        {"do": "steps", "count": 1.5},
+        {"do": "scan", "range": 1e-6, "frequency": 10.0, "cycles": 1},
+        {"do": "jog", "way": 0.5},
+    ],
+)
+def test_a_refused_command_leaves_a_jog_supervised(spec, what: dict[str, Any]) -> None:
+    told, plain = (
+        Told(spec.made(), jogged_until(0.3, *then)) for then in ([(0.31, what)], list[tuple[float, Any]]())
+    )
+    found, expected = (simulate_control(KANG, one, 0.0, 0.8, rate=RATE) for one in (told, plain))
+    assert told.refused == 1
+    assert told.ticks[-1]["phase"] == "hold"
+    xr.testing.assert_equal(found["drive_voltage"], expected["drive_voltage"])
+
+
+@pytest.mark.parametrize("what", [{"do": "go", "to": 10e-6}, {"do": "steps", "count": 3}])
+def test_another_command_ends_a_jog_first(spec, what: dict[str, Any]) -> None:
+    told = Told(spec.made(), jogged_until(0.3, (0.31, what)))
+    found = simulate_control(KANG, told, 0.0, 1.0, rate=RATE)
+    assert told.ticks[-1]["phase"] == "hold"
+    x = found["end_effector_position"].values
+    if what["do"] == "go":
+        assert x[-1] == pytest.approx(10e-6, abs=2e-9)
+    else:
+        made = told.ticks[-1]["steps"] - told.said[-1]["steps"]
+        assert 3 <= made <= 6, "three, and those that bring the piezo back to mid-range"
+
+
+# In every part of a step of 10 ms: slow rise, slip and rest; also before the first step.
+@pytest.mark.parametrize("time", [0.015, 0.1503, 0.152, 0.154, 0.156, 0.158, 0.1581, 0.1583, 0.159, 0.1599])
+def test_a_halt_ends_a_move_and_holds_there(spec, time: float) -> None:
+    told = Told(spec.made(), [(0.0, {"do": "go", "to": 300e-6}), (time, {"do": "halt"})])
+    found = simulate_control(KANG, told, 0.0, 0.5, rate=RATE)
+    before, after = (told.ticks[round(t * RATE)]["steps"] for t in (time, 0.49))
+    assert after - before <= 1
+    assert told.ticks[-1]["phase"] == "hold"
+    assert told.ticks[-1]["settled"]
+    assert told.ticks[-1]["target"] == at(found, time)
+    assert at(found, 0.49) == pytest.approx(at(found, time), abs=5e-9)
+
+
+def test_a_halt_ends_a_scan_and_holds_there(spec) -> None:
+    scan = {"do": "scan", "range": 4e-6, "frequency": 20.0, "cycles": 100}
+    told = Told(spec.made(), [(0.0, {"do": "go", "to": 4e-6}), (0.1, scan), (0.28, {"do": "halt"})])
+    found = simulate_control(KANG, told, 0.0, 0.5, rate=RATE)
+    assert told.said[2]["phase"] == "follow"
+    assert told.ticks[-1]["phase"] == "hold"
+    assert told.ticks[-1]["settled"]
+    assert told.ticks[-1]["target"] == told.said[2]["target"]
+    assert at(found, 0.49) == pytest.approx(told.said[2]["target"], abs=2e-9)
+
+
+def test_a_halt_before_a_command_is_executed_puts_nothing_out(spec) -> None:
+    for first in ({"do": "go", "to": 9e-6}, {"do": "steps", "count": 3}, {"do": "jog", "way": 1}):
+        made = spec.made()
+        made.command(**first)
+        made.command("halt")
+        assert [made.step(0.0, 0.0, tick) for tick in range(2000)] == [0.0] * 2000
+
+
+def test_a_scan_waits_for_a_command_that_was_just_given(spec) -> None:
+    made, volts = spec.made(), 0.0
+    made.command("go", to=4e-6)
+    for tick in range(1000):
+        volts = made.step(KANG.gain * volts, 0.0, tick)
+    scan = {"range": 1e-6, "frequency": 10.0, "cycles": 1}
+    for first in ({"do": "go", "to": 5e-6}, {"do": "steps", "count": 3}, {"do": "jog", "way": 1}):
+        made.command(**first)
+        with pytest.raises(QuantityError, match="go there first"):
+            made.command("scan", **scan)
+        made.command("halt")
+    made.command("scan", **scan)
+    made.step(KANG.gain * volts, 0.0, 1000)
+    assert made.told()["phase"] == "follow"
 
 
 def test_what_is_no_command(spec) -> None:

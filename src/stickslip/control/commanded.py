@@ -81,32 +81,34 @@ class Commanded:
         # end.
         self._silent, self._silence = 0, round(HEARTBEAT * rate)
         self._jogs = 0  # direction of the steps while "jog" is repeated; 0 for none
+        self._halts = False  # True from "halt" until the next tick
 
     def command(self, do: str, **what: Any) -> None:
         """Execute a command from the next tick on. Positions and ranges are in the unit of the controller.
 
-        - "go": move to the position `to`, measured from home; steps that were commanded end first.
+        - "go": move to the position `to`, measured from home; the steps of "steps" are all made first.
         - "steps": make `count` steps, backward if negative, and hold the position reached.
         - "scan": scan the `range` about the held position, `cycles` times, at a `frequency` [Hz]. If the
           piezo has too little room, a step or two come first.
-        - "jog": make steps in the direction `way`, 1 or -1, while "jog" is repeated within `HEARTBEAT`. Send
-          "halt" before another command.
-        - "halt": end the steps of "steps" or "jog" after the present one, and hold the position; "go" and
-          "scan" continue.
+        - "jog": make steps in the direction `way`, 1 or -1, while "jog" is repeated within `HEARTBEAT`. Any
+          other command that is accepted ends them first.
+        - "halt": end the motion, and hold the position reached. The steps of "steps" or "jog" end after the
+          present one; "go" and "scan" end at once.
         - "release": ramp the output to 0 V, and end the loop.
 
         Raises:
-            QuantityError: the command is unknown, or impossible from the present position.
+            QuantityError: the command is unknown, or impossible from the present position. Nothing changes:
+                a motion continues, and the steps of a "jog" still end `HEARTBEAT` after the last "jog".
         """
-        if do != "jog":
-            self._jogs = 0
         if do == "go":
-            self._wanted, self._scan = _number(what, "to", self._unit), None
+            wanted = _number(what, "to", self._unit)
+            self._end_motion()
+            self._wanted = wanted
         elif do == "steps":
             count = _number(what, "count", most=_MOST_STEPS)
             if count % 1 or not count:
                 raise QuantityError(f"count = {count:g} must be a whole number of steps, and not 0")
-            self._scan = self._wanted = None
+            self._end_motion()
             self.mover.steps_wanted = int(count)
         elif do == "scan":
             self._begin_scan(what)
@@ -119,16 +121,26 @@ class Commanded:
         else:
             raise QuantityError(f"{do!r:.40} is no command: go, steps, scan, jog, halt or release")
 
+    def _end_motion(self) -> None:
+        """End a jog, drop the target and end the scan; the steps of "steps" continue."""
+        if self._jogs:
+            self._jogs = self.mover.steps_wanted = self.mover.jogs = 0
+        self._scan = self._wanted = None
+        self._halts = self.mover.centre_wanted = False
+
     def _jog(self, way: float) -> None:
         if way not in (1.0, -1.0):
             raise QuantityError(f"way = {way:g} must be 1, forward, or -1")
         self._silent = 0
         if self._jogs != way:
-            self._jogs, self._scan, self._wanted = int(way), None, None
+            self._end_motion()
+            self._jogs = int(way)
             self.mover.steps_wanted = self._jogs * _MOST_STEPS
 
     def _halt(self) -> None:
-        self._jogs = self.mover.steps_wanted = self.mover.jogs = 0
+        self._end_motion()
+        self.mover.steps_wanted = self.mover.jogs = 0
+        self._halts = True
 
     def _begin_scan(self, what: dict[str, Any]) -> None:
         span, hertz = _number(what, "range", self._unit), _number(what, "frequency", "Hz", 1e4)
@@ -137,7 +149,8 @@ class Commanded:
             raise QuantityError(
                 f"a scan has a range [{unit}], a frequency [Hz] and a number of cycles above 0"
             )
-        if self.mover.phase != "hold" or self._scan is not None:
+        pending = self._wanted not in (None, self.mover.goal) or self.mover.steps_wanted
+        if self.mover.phase != "hold" or self._scan is not None or pending:
             raise QuantityError("a scan starts at a held position: go there first")
         if 0.5 * span > 0.8 * self.mover.reach:
             most = with_prefix(1.6 * self.mover.reach, unit)
@@ -150,6 +163,7 @@ class Commanded:
                 f"a scan of {with_prefix(span, unit)} at {with_prefix(hertz, 'Hz')} is faster than "
                 f"{with_prefix(fastest, f'{unit}/s')}, which the piezo follows here"
             )
+        self._end_motion()
         self._scanned = 0
         self.mover.centre_wanted = 0.5 * span > min(self.mover.room)
         self._scan = self.mover.goal, 0.5 * span, hertz, round(cycles * self.mover.regulator.rate / hertz)
@@ -167,6 +181,11 @@ class Commanded:
             self._silent += 1
             if self._silent > self._silence:
                 self._halt()
+        if self._halts:
+            # While it makes requested steps, the mover ends them and holds the position reached by itself.
+            self._halts = False
+            if not mover.jogging and mover.phase not in ("rest", "hold"):
+                self._wanted = measured
         if self._scan is not None and not mover.centre_wanted and mover.phase == "hold":
             self._wanted = self._scanning(*self._scan)
         if self._wanted is None and not mover.steps_wanted and mover.phase == "rest":

@@ -135,7 +135,7 @@ class Mover:
         remark: a sentence once the sensor's noise exceeds a third of the tolerance, before "".
         steps_wanted: number of full steps to make (negative: backward). Set it, and the mover makes them,
             whatever the target is. `goal` is then the position reached: pass it as target to hold there.
-        jogs: number of these steps that are left.
+        jogs: number of these steps that are left; `jogging` is True until they are made.
         centre_wanted: set to True while holding, to bring the piezo to the middle of its range by a step or
             two, at the same target.
 
@@ -206,7 +206,7 @@ class Mover:
 
     steps, lost, done = _member("steps"), _member("lost"), _member("done")
     steps_wanted, centre_wanted = _member("steps_wanted"), _member("centre_wanted")
-    goal, jogs = _member("goal"), _member("jogs")
+    goal, jogs, jogging = _member("goal"), _member("jogs"), _member("jogging")
 
     @property
     def plausibility(self) -> Plausibility:
