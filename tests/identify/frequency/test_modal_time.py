@@ -41,6 +41,16 @@ def test_held_response_solves_the_equations_of_motion() -> None:
     assert found == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("steps", [3, 13, 23])
+def test_a_response_that_leads_its_drive_contains_the_whole_drive(steps: int) -> None:
+    """The steps are tenths of a sample. The drive keeps its last value."""
+    drive, lead = np.random.default_rng(1).standard_normal((100, 2)), -(-steps // FINE)
+    found = held_response(model(-steps / (FINE * RATE)), drive, RATE)
+    longer = np.concatenate([drive, np.repeat(drive[-1:], lead, axis=0)])
+    expected = solved(longer, lead * FINE - steps)[lead:]
+    assert found == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
+
+
 def test_without_delay_the_drive_acts_at_once_or_not_yet() -> None:
     """The remainder passes the value held before the instant: a drive never acts before it is there."""
     step = np.ones((4, 2))

@@ -152,7 +152,12 @@ def test_what_turns_has_a_moment_of_inertia() -> None:
 
 
 def test_a_window_that_fits_no_recording_is_refused() -> None:
-    with pytest.raises(ss.estimate.FitError, match=r"a window of 0\.005 s has 5 samples"):
+    with pytest.raises(ss.estimate.FitError, match=r"a window of 0\.005 s spans 5 of the"):
         identify_inertia(driven(0), window=0.005)
     with pytest.raises(ss.estimate.FitError, match="no more than there are"):
         identify_inertia(driven(0), window=50.0)
+    run = driven(0)
+    time = run["time"].values
+    a_sample_too_long = time.size * (time[-1] - time[0]) / (time.size - 1)
+    with pytest.raises(ss.estimate.FitError, match="no more than there are"):
+        identify_inertia(run, window=a_sample_too_long)

@@ -111,6 +111,22 @@ def test_inverse_drive_goes_where_it_shall() -> None:
     assert np.std((straight.stage_position.values - wanted)[200:]) > 0.02 * np.ptp(wanted)
 
 
+def test_the_error_of_an_inverse_drive_that_starts_from_a_given_rest() -> None:
+    """The piezo rests at 20 V, far from the first position: no drive undoes the lag of that jump."""
+    of = truth(2)
+    fit = ss.identify_piezo(recording(of, drive(2), noise_of(of), 2))
+    time = np.arange(int(5.0 * RATE)) / RATE
+    wanted = 3e-6 + of.gain * (45.0 + 25.0 * np.sin(2.0 * np.pi * time) * np.cos(0.7 * time))
+    found = ss.inverse_drive(fit, time, wanted, rest_voltage="20 V")
+    volts = np.concatenate([[20.0, 20.0], found.values])
+    times = np.concatenate([[0.0, 0.1 - 1e-7], 0.1 + time])  # the drive jumps to its first value
+    shown = fit.predict(ss.make_recording(times, {"drive_voltage": volts}))  # type: ignore[misc]
+    expected = np.hypot(fit.rmse, np.std(shown[2:] - wanted))
+    error = ss.identify.inverse_residual(fit, found, wanted, rest_voltage="20 V")
+    assert error == pytest.approx(expected, rel=0.05)
+    assert expected > 1.5 * ss.identify.inverse_residual(fit, found, wanted)
+
+
 def test_recordings_are_fitted_together() -> None:
     of = truth(4)
     both = [recording(of, drive(seed), noise_of(of), seed, level) for seed, level in ((4, 0.0), (9, 5e-6))]

@@ -210,6 +210,18 @@ def test_steps_without_drive_channel_and_downwards() -> None:
         identify_step(down, voltages=[-60.0], start=1.0)
 
 
+def test_a_given_instant_counts_also_where_the_height_comes_from_the_drive() -> None:
+    recording = step_recording(60.0)
+    time = recording["time"].values
+    (test,) = step_tests(recording, start=f"{START - 1e-3} s")
+    assert time - test.time == pytest.approx(START - 1e-3, abs=1e-12)
+    assert (test.voltage, test.rest) == (60.0, 0.0)
+    fit = identify_step(recording, start=START - 1e-3)
+    assert fit.values["delay"] == pytest.approx(EXPECTED["delay"] + 1e-3, abs=5e-6)
+    with pytest.raises(RecordingError, match="not within the recording"):
+        step_tests(recording, start=1.0)
+
+
 def test_steps_of_different_heights_without_drive_channel_are_predicted_with_their_own() -> None:
     heights = [-60.0, 30.0]
     steps = [step_recording(volts, 1e-9, seed) for seed, volts in enumerate(heights)]

@@ -40,6 +40,20 @@ def test_the_law_that_made_the_walk_wins() -> None:
     assert " m " in found.report()
 
 
+def test_priors_of_a_candidate_count() -> None:
+    """Viscous friction that is known to be half of what the walks show."""
+    model = load_actuator("kang2007").replace(stage_reaction=False, friction=CoulombViscous(0.5, 8.0))
+    drive = Sawtooth(65.0, 100.0, periods=2)
+    walk = simulate(model, drive, 0.02, sample_rate=5e3, tolerance=1e-11)
+    walk["end_effector_position"] += 20e-9 * np.random.default_rng(0).standard_normal(walk["time"].size)
+    (law,) = (law for law in walk_candidates(0.4, 1e6, 30.0) if law.label == "CoulombViscous")
+    laws = [law, law._replace(label="known", priors={"sigma_2": ("4 N s/m", "1e-3 N s/m")})]
+    given = {"channel_free": (), "drive": drive, "unseen_drive": drive, "hops": 0, "noise": 20e-9}
+    found = compare_walks(walk, walk, model, laws, **given)
+    assert found.fits["known"].values["sigma_2"] == pytest.approx(4.0, abs=0.05)
+    assert found.best == "CoulombViscous"
+
+
 def test_slopes_by_differences_of_a_contact_that_rings_on() -> None:
     """Two elements that stick are a spring without hysteresis: 0.5 % of a stiffness is another phase."""
     law, drive = MaxwellSlip((9e5, 4e5), (0.25, 0.25), 3.0), Sawtooth(65.0, 20.0, periods=4)

@@ -36,18 +36,24 @@ def held_response(
     outputs, ...).
 
     Args:
-        model: modes, gains and a delay that is not negative (unless `periodic`).
+        model: modes, gains and a delay. With a negative delay, the response leads the drive, which keeps its
+            last value after its last sample.
         drive: V, shape (samples, inputs, ...).
         sample_rate: Hz.
         periodic: True: the drive is one period of a steady state; False: the motion starts at rest.
     """
-    u, sample = np.moveaxis(drive, 0, -1), 1 / sample_rate
-    found = np.einsum("oi,i...->o...", model.remainder, _held_delay(u, model.delay, sample, periodic))
+    u, sample, delay = np.moveaxis(drive, 0, -1), 1 / sample_rate, model.delay
+    # The motion that a negative delay moves before the first sample is simulated too, and cut off at the end.
+    lead = 0 if periodic else max(math.ceil(-delay / sample), 0)
+    if lead:
+        u = np.concatenate([u, np.repeat(u[..., -1:], lead, axis=-1)], axis=-1)
+        delay += lead * sample
+    found = np.einsum("oi,i...->o...", model.remainder, _held_delay(u, delay, sample, periodic))
     for omega, zeta, *gains in zip(*model[:2], model.gain, model.rate_gain, strict=True):
-        parts = _held_mode(u, omega, zeta, model.delay, sample, periodic)
+        parts = _held_mode(u, omega, zeta, delay, sample, periodic)
         for gain, part in zip(gains, parts, strict=True):
             found += np.einsum("oi,i...->o...", gain, part)
-    return np.moveaxis(found, -1, 0)
+    return np.moveaxis(found[..., lead:], -1, 0)
 
 
 def _held_mode(
@@ -63,7 +69,7 @@ def _held_mode(
         drive: V, shape (..., samples).
         omega: natural frequency, rad/s.
         zeta: damping ratio.
-        delay: s.
+        delay: s; not negative, unless `periodic`.
         sample: sampling interval, s.
         periodic: True: the drive is one period of a steady state; False: the motion starts at rest.
     """
@@ -88,7 +94,7 @@ def _held_mode(
 def _held_delay(drive: np.ndarray, delay: float, sample: float, periodic: bool) -> np.ndarray:
     """Return the drive, V, shape (..., samples), delayed by `delay` [s]: at each sample, the value that was
     held just before, `delay` earlier. `sample` is the sampling interval [s]. Before its first sample, the
-    drive is 0 or, if `periodic`, repeats."""
+    drive is 0 or, if `periodic`, repeats. The delay must not be negative, unless `periodic`."""
     n = math.floor(delay / sample) + 1
     late = np.roll(drive, n, axis=-1)
     if not periodic:

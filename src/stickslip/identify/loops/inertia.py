@@ -46,7 +46,7 @@ OVERLAP = 2
 # SMOOTHED: the velocity is averaged over 1/32 of a window before its sign is taken. AT_REST: a velocity below
 # this number of standard deviations of its noise has the sign 0.
 SMOOTHED, AT_REST = 32, 3.0
-FEWEST = 16  # fewest samples in a window
+FEWEST = 16  # fewest sampling intervals in a window
 DRAWS = 16  # number of random draws of the position's noise
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ def identify_inertia(
     Raises:
         RecordingError: a channel is missing, too short, constant or noise, or the force does negative work.
         QuantityError: an expression in `tied` is wrong.
-        FitError: the window has fewer than 16 samples, or is longer than a recording.
+        FitError: the window has fewer than 16 sampling intervals, or is longer than a recording.
     """
     window = to_si(window, "s", "window")
     found = recordings_of(recordings)
@@ -234,16 +234,17 @@ class _Averages:
         where: name of the recording in errors.
 
     Raises:
-        FitError: the window has fewer than `FEWEST` samples, or is longer than the recording.
+        FitError: the window has fewer than `FEWEST` sampling intervals, or is longer than the recording.
     """
 
     def __init__(self, time: Array, window: float, where: str) -> None:
         interval = float(time[-1] - time[0]) / (time.size - 1)
         size = round(window / interval)
-        if size < FEWEST or size > time.size:
+        # A window has a sample at both of its ends, so one sample more than intervals.
+        if size < FEWEST or size >= time.size:
             raise FitError(
-                f"a window of {window:g} s has {size} samples of the {time.size} of {where}: it needs at "
-                f"least {FEWEST}, and no more than there are"
+                f"a window of {window:g} s spans {size} of the {time.size - 1} sampling intervals of "
+                f"{where}: it needs at least {FEWEST}, and no more than there are"
             )
         s = np.arange(size + 1) / size
         shape = s**4 * (1.0 - s) ** 4

@@ -86,7 +86,9 @@ def inverse_drive(
     return Sampled(t, drive)
 
 
-def inverse_residual(fit: Fit, drive: Sampled, positions: ArrayLike) -> float:
+def inverse_residual(
+    fit: Fit, drive: Sampled, positions: ArrayLike, *, rest_voltage: float | str | None = None
+) -> float:
     """Return the expected rms error of positions under their `inverse_drive`, m, without a constant error.
 
     The error contains the rms residual of the fit on its recordings, and the difference between the wanted
@@ -94,18 +96,22 @@ def inverse_residual(fit: Fit, drive: Sampled, positions: ArrayLike) -> float:
 
     Args:
         fit: fit of `identify_piezo`.
-        drive: result of `inverse_drive` for these positions, without a given `rest_voltage`.
+        drive: result of `inverse_drive` for these positions.
         positions: m, shape (n,), wanted positions.
+        rest_voltage: voltage at which the piezo rests before the drive, V, as given to `inverse_drive`.
 
     Raises:
         FitError: the fit is not one of `identify_piezo`.
-        QuantityError: there are not as many positions as the drive has samples.
+        QuantityError: there are not as many positions as the drive has samples, or the rest voltage is not a
+            voltage.
     """
+    rest = optional_si(rest_voltage, "V", "rest_voltage")
     wanted, prediction = array_si(positions, "m", "positions"), _prediction(fit)
     t, u = np.array(drive.times), np.array(drive.values)
     if wanted.shape != t.shape:
         raise QuantityError(f"positions [m] have the shape {wanted.shape}, and the drive {t.size} samples")
-    rest = prediction.piezo.resting_at(float(wanted[0] - prediction.offset) / prediction.gain)
+    if rest is None:
+        rest = prediction.piezo.resting_at(float(wanted[0] - prediction.offset) / prediction.gain)
     off = prediction.position(Observed("", t - t[0], u, wanted, rest)) - wanted
     return float(np.hypot(fit.rmse, np.std(off)))
 

@@ -84,8 +84,7 @@ def identify_step(
         model: actuator for the result. Its `piezo`, taken as known and annealed before each step, is part of
             the model; the gain multiplies its output.
         voltages: height of each step, V; by default from drive_voltage.
-        start: instant of the steps in the time of the recordings, s; by default, or without `voltages`, from
-            drive_voltage.
+        start: instant of the steps in the time of the recordings, s; by default from drive_voltage.
         filter: low-pass filter that the position went through, if it is known; its analogue counterpart is
             part of the model. Otherwise delay and lag approximate it.
         slew_rate: slew rate of the amplifier into the piezo, V/s, if known. By default the step is a jump.

@@ -199,8 +199,7 @@ def step_features(
     Args:
         recordings: with end_effector_position [m], and drive_voltage [V] unless voltages and start are given.
         voltages: height of each step, V; by default from drive_voltage.
-        start: instant of the step in the time of the recordings, s; by default, or without `voltages`, from
-            drive_voltage.
+        start: instant of the step in the time of the recordings, s; by default from drive_voltage.
         delay: time from the step to the start of the rise, s; by default estimated from each rise.
         timing: times at which the numbers are read. By default the peak is searched within one period of the
             vibration of each recording, and the steady value is the mean over one period after the vibration

@@ -46,14 +46,13 @@ def step_tests(
     start: float | str | None = None,
     observed: str = POSITION,
 ) -> list[StepTest]:
-    """Return the step of each recording; height and instant come from drive_voltage [V], unless both are
-    given.
+    """Return the step of each recording. Its height and instant, where they are not given, come from
+    drive_voltage [V].
 
     Args:
         recordings: one or several recordings of one step each.
         voltages: height of each step, V; None: from drive_voltage.
-        start: instant of all steps in the time of the recordings, s, which counts only with `voltages`; None:
-            from drive_voltage.
+        start: instant of all steps in the time of the recordings, s; None: from drive_voltage.
         observed: name of the position channel.
 
     Raises:
@@ -75,8 +74,9 @@ def step_tests(
         rest = 0.0
         if volts is None or start is None:
             drive = channel(recording, "drive_voltage", name, varies=True)
-            instant, height = _step_of(drive, time, name)
-            volts, rest = height if volts is None else volts, float(np.median(drive[time < instant]))
+            shown, height = _step_of(drive, time, name)
+            volts, rest = height if volts is None else volts, float(np.median(drive[time < shown]))
+            instant = shown if start is None else start
         else:
             instant = start
         if not volts:

@@ -138,7 +138,8 @@ def compare_walks(
         recordings: walks to fit, as for `identify_friction`.
         verification: walks that are not fitted; each fit predicts them.
         model: the actuator; its law is replaced.
-        laws: the candidates, from `walk_candidates` or your own; their `priors` are not used.
+        laws: the candidates, from `walk_candidates` or your own. Their `priors` need a given `noise`; the
+            static model has none.
         channel_free: free parameters of the position channel ("delay", "offset"), the same for all laws; the
             static model always has both.
         bounds: bounds by name, in SI or as strings; each fit uses those of its own free parameters.
@@ -166,7 +167,7 @@ def compare_walks(
             law.free,
             channel=channel_free,
             bounds={**law.bounds, **known},
-            **{"starts": law.starts, "tied": law.tied, "diagnose": False, **options},
+            **{"starts": law.starts, "tied": law.tied, "priors": law.priors, "diagnose": False, **options},
         )
 
     drives = drives_of(unseen_drive, recordings_of(verification))
