@@ -30,11 +30,13 @@ from stickslip.study import (
     SteadySteps,
     StudyDiffers,
     StudyError,
+    WalksFromRest,
     compare_studies,
     export_study,
     merge_studies,
     study_state,
 )
+from stickslip.study.running import prepared
 from stickslip.study.store import Store
 
 FILE = study_functions.__file__
@@ -195,8 +197,6 @@ def test_other_results_are_told(stores: Path, tmp_path: Path) -> None:
 
 def _empty(folder: Path) -> Path:
     """A store of another grid, with nothing computed."""
-    from stickslip.study.running import prepared
-
     study = ss.study.Study(Grid({"x": [0.0, 1.0], "y": [1.0]}), Own(f"{FILE}:squares"))
     return prepared(study, folder / "empty.zarr").path
 
@@ -270,6 +270,31 @@ def test_exports_say_the_same(stores: Path, tmp_path: Path, ending: str) -> None
     assert (again.exit_code, f"{file}: it is there already" in again.stderr) == (1, True)
     assert export_study(stores / "whole.zarr", file) == 36
     assert [f.name for f in tmp_path.iterdir()] == [file.name]
+
+
+def test_a_csv_file_has_one_header(stores: Path, tmp_path: Path) -> None:
+    """The first task of this shard is not computed; an unstarted study has none at all."""
+    assert not Store(stores / "shard2.zarr").done()[0]
+    assert export_study(stores / "shard2.zarr", tmp_path / "s.csv") == 12
+    found = pd.read_csv(tmp_path / "s.csv")
+    np.testing.assert_array_equal(found["value [m]"].to_numpy(float), EXPECTED[1])
+    study = ss.study.Study(Grid({"x": [0.0, 1.0, 5.0], "y": [1.0]}), Own(f"{FILE}:squares"), task=1)
+    assert export_study(prepared(study, tmp_path / "unstarted.zarr").path, tmp_path / "none.csv") == 0
+    assert len((tmp_path / "none.csv").read_text().splitlines()) == 1
+
+
+def test_a_result_over_time_that_only_one_store_has(tmp_path: Path) -> None:
+    model, drive = ss.load_actuator("kang2007"), ss.Sawtooth(65.0, 50.0, periods=1)
+    points, one = Grid({"sigma_1": [10.0, 30.0]}), ["net_displacement"]
+    for name, rate, keep in (("with", 2e3, ()), ("without", 2e3, one), ("other", 1e3, ())):
+        measure = WalksFromRest(model, drive, sample_rate=rate)
+        ss.run_study(ss.study.Study(points, measure, keep=keep), tmp_path / name, workers=1)
+    for pair in (("with", "without"), ("without", "with")):
+        found = compare_studies(*(tmp_path / name for name in pair))
+        assert (found.equal, found.both) == (True, 2)
+        assert {one.name for one in found.variables} == {"net_displacement", "status", "reason"}
+    with pytest.raises(StudyDiffers, match=r"is over \{'sigma_1': 2, 'time': 41\} in .*, over .*'time': 21"):
+        compare_studies(tmp_path / "with", tmp_path / "other")
 
 
 @pytest.mark.usefixtures("full_disk")

@@ -68,7 +68,8 @@ def compare_studies(
 
     Args:
         first, second: folders of the stores. The studies may differ, but not in names and sizes of their
-            dimensions, nor in the values of a grid or of a result's own dimension, such as time.
+            dimensions, nor in the values of a grid, nor in the own dimension of a common result, such as
+            time.
         progress: called after each task with a text and the finished fraction, from 0 to 1.
 
     Returns:
@@ -76,7 +77,8 @@ def compare_studies(
 
     Raises:
         StudyError: a folder is no store of a study, or a store is damaged.
-        StudyDiffers: dimensions differ, or values of a grid or of a result's own dimension.
+        StudyDiffers: the dimensions of the studies or of a common result differ, or values of a grid or of a
+            result's own dimension.
     """
     a, b = Store(first), Store(second)
     if (a.layout.dims, a.layout.shape) != (b.layout.dims, b.layout.shape):
@@ -84,18 +86,23 @@ def compare_studies(
         raise StudyDiffers(f"{a.path} is over {shapes[0]}, {b.path} over {shapes[1]}")
     for one in (a, b):
         one.check_results()
-    other = open_study(b.path)
+    whole, other = open_study(a.path), open_study(b.path)
+    common = [str(n) for n in whole.data_vars if n in other.data_vars]
+    for name in common:
+        over = [dict(zip(one[name].dims, one[name].shape, strict=True)) for one in (whole, other)]
+        if list(over[0].items()) != list(over[1].items()):
+            raise StudyDiffers(f"{name} is over {over[0]} in {a.path}, over {over[1]} in {b.path}")
     members, greatest, units, alone = {}, {}, {}, Counter[str]()
     counts = np.zeros(3, dtype=int)
     for i, (place, mine) in enumerate(blocks(a)):
         there = other.isel(place).load()
         for name in map(str, mine.indexes):
-            if not np.array_equal(mine[name].values, there[name].values):
+            if name in there.indexes and not np.array_equal(mine[name].values, there[name].values):
                 raise StudyDiffers(f"{a.path} and {b.path} differ in the values of {name}")
         done = [one["status"].values != -1 for one in (mine, there)]
         both = done[0] & done[1]
         counts += [int((done[0] & ~done[1]).sum()), int((done[1] & ~done[0]).sum()), int(both.sum())]
-        for name in (str(n) for n in mine.data_vars if n in there):
+        for name in common:
             x, y = mine[name].values, there[name].values
             off = _apart(x, y)
             extra = tuple(range(both.ndim, off.ndim))

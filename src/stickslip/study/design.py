@@ -100,7 +100,8 @@ class Study:
         """Compute some members; return the results to keep over "member", with status and reason last.
 
         A member that cannot be computed has a status other than 0, and its error as the reason. A result with
-        the name of a varied value is left out.
+        the name of a varied value is left out. If a user's function fails for all members, its results are
+        missing, also those that `keep` names.
 
         Args:
             columns: varied values of the members by name, arrays [members] in SI, as from `columns`.
@@ -110,17 +111,20 @@ class Study:
                 result or of a varied value.
         """
         found, own = self.measure.computed(columns), []
+        known = {*found} > {*_STATUS}  # False if a user's function has failed for all members
         found = found.drop_vars([name for name in columns if name in found])
         if self.summary is not None:
             made, found = self._summarised(found, columns)
             own = [str(name) for name in made]
+            known = known and bool(own)
             for name in own:
                 if name in found or name in columns:
                     raise QuantityError(f"{self.summary} returned {name!r}, which there is already")
             found = found.assign(made)
-        if missing := [name for name in self.keep if name not in found]:
+        missing = [name for name in self.keep if name not in found]
+        if missing and known:
             raise QuantityError(f"keep: there is no {missing[0]!r}; there are {', '.join(map(str, found))}")
-        kept = [*self.keep, *own]
+        kept = [*(name for name in self.keep if name not in missing), *own]
         if not self.keep:
             kept = [str(n) for n in found if self.summary is None or found[n].dims == ("member",)]
         return found[[name for name in dict.fromkeys(kept) if name not in _STATUS] + list(_STATUS)]

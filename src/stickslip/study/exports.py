@@ -89,9 +89,9 @@ def _csv(store: Store, file: Path, progress: Progress) -> int:
     units = {str(n): str(v.attrs.get("units", "")) for n, v in open_study(store.path).variables.items()}
     count = 0
     with file.open("w", encoding="utf-8", newline="") as target:
-        for table in _tables(store, progress):
+        for number, table in enumerate(_tables(store, progress)):
             named = table.rename(columns={n: f"{n} [{units[n]}]" for n in table if units.get(str(n))})
-            named.to_csv(target, index=False, header=not count)
+            named.to_csv(target, index=False, header=number == 0)
             count += len(table)
     return count
 
