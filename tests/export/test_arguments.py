@@ -12,6 +12,8 @@ from stickslip import Constant, Sine, load_actuator
 from stickslip.export import ExportError, export_c, export_fmu
 from stickslip.physics.actuator import PulledSlider
 from stickslip.quantities.units import QuantityError
+from stickslip.recording.chain import Chain
+from stickslip.rig import load_bench
 
 KANG = load_actuator("kang2007")
 PULLED = PulledSlider(0.1, 1e4, 1.0, KANG.friction)
@@ -33,6 +35,24 @@ def test_arguments_of_another_kind(given: dict[str, Any], said: str, tmp_path: P
         export_c(KANG, tmp_path / "c", **given)
     with pytest.raises(QuantityError, match=said):
         export_fmu(KANG, tmp_path / "fmu", compiler="", **given)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"chain": Chain(1e-4, slew_rate=1e5)}, r"Chain\.slew_rate = 100000 V/s .* give the chain without"),
+        (
+            {"amplifier": load_bench("kang2007-bench").amplifier, "piezo_capacitance": 1e-6},
+            "a PulledSlider has no drive voltage: export it without an amplifier",
+        ),
+    ],
+)
+def test_a_pulled_slider_has_no_drive_voltage(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(QuantityError, match=said):
+        export_c(PULLED, tmp_path / "c", **given)
+    with pytest.raises(QuantityError, match=said):
+        export_fmu(PULLED, tmp_path / "fmu", compiler="", **given)
     assert not list(tmp_path.iterdir())
 
 

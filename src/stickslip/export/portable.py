@@ -71,7 +71,8 @@ def export_c(
             infinite.
         motion: motion of the feedforward example, a waveform in m, or rad for a rotary actuator; by default a
             sine of a tenth of the stroke. A pulled slider has no such example.
-        amplifier: amplifier between the input and the piezo; needs the `piezo_capacitance` [F].
+        amplifier: amplifier between the input and the piezo; needs the `piezo_capacitance` [F]. A pulled
+            slider has none, nor a slew rate of the chain.
         sensor: a linear sensor on the end-effector, with its bandwidth.
         chain: measuring channel of the end-effector's position, instead of a sensor: the exported output is
             delayed, in m or rad. Without an amplifier, its slew rate limits the drive voltage. By default the
@@ -270,11 +271,14 @@ def signal_chain(
         chain: signal chain of the position channel, or None.
 
     Raises:
-        QuantityError: the devices exclude each other, or a value is wrong or missing.
+        QuantityError: the devices exclude each other, a value is wrong or missing, or a model without a
+            drive voltage has an amplifier or a slew rate.
     """
     parts = (("amplifier", amplifier, Amplifier), ("sensor", sensor, StrainGauge), ("chain", chain, Chain))
     for name, part, kind in parts:
         of_kind(part, kind | None, name)
+    if not isinstance(found.model, Actuator):
+        _refuse_volts(type(found.model).__name__, amplifier, chain)
     if farad is not None and not 0.0 < farad < math.inf:
         raise QuantityError(f"piezo_capacitance = {farad:g} F must be > 0 F and finite")
     if chain is None and found.chain is not None:
@@ -298,6 +302,19 @@ def signal_chain(
             "limit of the current, max_current"
         )
     return SignalChain(amplifier, farad, seen)
+
+
+def _refuse_volts(model: str, amplifier: Amplifier | None, chain: Chain | None) -> None:
+    """Raise QuantityError if there is an amplifier or a known slew rate; `model` is the name of the type of
+    the model, which has no drive voltage.
+    """
+    if amplifier is not None:
+        raise QuantityError(f"a {model} has no drive voltage: export it without an amplifier")
+    if chain is not None and chain.known_slew_rate is not None:
+        raise QuantityError(
+            f"Chain.slew_rate = {chain.slew_rate:g} V/s limits a drive voltage, which a {model} does not "
+            "have: give the chain without slew_rate"
+        )
 
 
 def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform:
