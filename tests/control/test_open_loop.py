@@ -139,6 +139,23 @@ def test_threshold_slope_and_tables(tmp_path: Path) -> None:
     assert np.loadtxt(rows, delimiter=",") == pytest.approx(law.equal_steps(), rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("forward", "backward", "voltage", "said"),
+    [
+        ((0.0, 0.0), (0.0, 0.0), 50.0, "no steps in both directions at 50 V"),
+        ((0.0, 1e-6), (0.0, 0.0), 50.0, "no steps in a direction at 50 V"),
+        # Steps that decrease to almost nothing at the upper voltage have no error there.
+        ((1e-6, 1e-8), (1e-6, 1e-8), 60.0, "no steps in a direction at 60 V"),
+    ],
+)
+def test_a_motor_that_makes_no_steps_has_no_model(
+    forward: tuple[float, ...], backward: tuple[float, ...], voltage: float, said: str
+) -> None:
+    law = StepLaw((40.0, 60.0), forward, backward, (1e-9, 1e-9), (1e-9, 1e-9), 100.0)
+    with pytest.raises(QuantityError, match=said):
+        law.model(voltage)
+
+
 def test_a_calibration_against_a_sensor_and_a_walk_without_it() -> None:
     stage = Stage(KANG, irregularity=Irregularity(), seed=4)
     motor, random, zero = Motor(stage), np.random.default_rng(1), stage.position

@@ -342,6 +342,7 @@ def test_drives_begin_at_rest() -> None:
         ({"draws": {"sigma_4": [1.0]}}, "another model"),
         ({"draws": {"sigma_0": [1e6], "sigma_1": [30.0, 40.0]}}, "as many values"),
         ({"free": ["stribeck_velocity"]}, "stribeck_velocity"),
+        ({"model": ACTUATOR.replace(min_voltage=20.0), "limits": None}, "model's voltage range, 20 V"),
         ({"limits": Limits(max_voltage=10.0)}, "no candidate can be taken"),
         ({"limits": Limits(max_slew=1001.0)}, "V/s"),
         ({"limits": Limits(max_duty=0.1)}, "10 %"),

@@ -8,7 +8,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.identify.comparison.laws import example_laws
-from stickslip.parameters.load import load_set
+from stickslip.parameters.load import ParameterSetError, load_set
 from stickslip.parameters.writing import parameter_text, write_parameters
 
 BASE = ss.load_actuator("kang2007")
@@ -41,3 +41,12 @@ def test_a_full_disk_is_named_and_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(OSError, match=r"a\.toml"):
         write_parameters(tmp_path / "a.toml", parameter_text(BASE, "t", "s"))
     assert not list(tmp_path.iterdir())
+
+
+def test_a_text_that_is_no_set_leaves_nothing(tmp_path: Path) -> None:
+    """So that a second attempt with a good text finds no file."""
+    text = parameter_text(BASE, "t", "s")
+    with pytest.raises(ParameterSetError, match=r"a\.toml"):
+        write_parameters(tmp_path / "a.toml", text + "value = \n")
+    assert not list(tmp_path.iterdir())
+    assert write_parameters(tmp_path / "a.toml", text).is_file()

@@ -121,18 +121,24 @@ class StepLaw(NamedTuple):
         """Return the step sizes and uncertainties at an amplitude [V] for an `Estimator`; the load is left
         out. Raises QuantityError if there are no steps at this amplitude in a direction."""
         forward, backward = self.size(voltage, 1), self.size(voltage, -1)
-        worst = max(
+        errors = [
             error / size
             for errors, sizes in ((self.forward_errors, self.forward), (self.backward_errors, self.backward))
             for error, size, volts in zip(errors, sizes, self.voltages, strict=True)
             if size > _STEPPING * max(sizes) and volts >= self._below(voltage)
-        )
+        ]
+        if not (errors and forward > 0.0 and backward > 0.0):
+            none = forward <= 0.0 and backward <= 0.0
+            raise QuantityError(
+                f"StepLaw: no steps in {'both directions' if none else 'a direction'} at {voltage:g} V: "
+                "choose an amplitude at which the motor makes steps both ways"
+            )
         mean = 0.5 * (forward + backward)
         return StepModel(
             forward,
             backward,
             scatter=self.step_scatter(voltage, 1),
-            size_error=worst * mean,
+            size_error=max(errors) * mean,
             size_drift=self.own_drift * mean,
             common_drift=self.common_drift,
             reversal=self.reversal,

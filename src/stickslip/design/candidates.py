@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..estimate import Fit
 from ..identify.recorded.drives import refuse_sampling
 from ..identify.walk.experiments import PlannedWalk
 from ..quantities.units import QuantityError, with_prefix
@@ -29,6 +30,22 @@ RISES = (1.0, 0.8, 0.65)
 BURST, FEWEST = 0.05, 2
 # Rate, Hz, at which a drive is sampled to check its slope: the usual update rate of a rig's output.
 UPDATES = 20e3
+
+
+def limits_of(model: Any) -> Limits:
+    """Return the limits of a plan by default: `Limits()` with the voltage range of a model, or of a fit's
+    model. Raises QuantityError if the range does not contain 0 V."""
+    of, own = model.model if isinstance(model, Fit) else model, Limits()
+    low, high = getattr(of, "min_voltage", own.min_voltage), getattr(of, "max_voltage", own.max_voltage)
+    if not low <= 0.0 <= high:
+        raise QuantityError(
+            f"the model's voltage range, {low:g} V to {high:g} V, does not contain 0 V, where each recording "
+            "starts and ends: give the model a range that contains it, such as model.replace(min_voltage=0)"
+        )
+    return Limits(
+        min_voltage=low if math.isfinite(low) else own.min_voltage,
+        max_voltage=high if math.isfinite(high) else own.max_voltage,
+    )
 
 
 def sawtooths(

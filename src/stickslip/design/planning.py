@@ -20,7 +20,7 @@ from ..simulation.steady import steady_step
 from ..simulation.steady_derivatives import steady_step_derivatives
 from ..waveform import Sawtooth
 from ..waveform.signal import Waveform
-from .candidates import beyond, refused, sawtooths, walks_of
+from .candidates import beyond, limits_of, refused, sawtooths, walks_of
 from .choice import Over, PlanGoal, chosen, criterion, score
 from .free_drives import FreeDrives, searched
 from .information import Seen, covariance, seen, stacked
@@ -114,7 +114,7 @@ def plan_experiment(
         QuantityError: an unknown name, no candidates, none within the limits, a goal that no candidate
             determines (with "all", such parameters are left out and reported), or draws of another model.
     """
-    limits = limits or _limits_of(model)
+    limits = limits or limits_of(model)
     duration = DURATION.check(duration, "duration")
     sample_rate = None if sample_rate is None else SAMPLE_RATE.check(sample_rate, "sample_rate")
     recordings = whole(recordings, "recordings", 1, 1000)
@@ -144,16 +144,6 @@ def plan_experiment(
     progress("planning the experiment", 1.0)
     walks = {name: named[name] for name in names}
     return of_choice(begin, walks, every, taken, compared, wanted, limits, left_out)
-
-
-def _limits_of(model: Any) -> Limits:
-    of = model.model if isinstance(model, Fit) else model
-    low, high = getattr(of, "min_voltage", 0.0), getattr(of, "max_voltage", 150.0)
-    own = Limits()
-    return Limits(
-        min_voltage=low if np.isfinite(low) else own.min_voltage,
-        max_voltage=high if np.isfinite(high) else own.max_voltage,
-    )
 
 
 def _goal(goal: str | Waveform, starts: Sequence[Start]) -> PlanGoal:

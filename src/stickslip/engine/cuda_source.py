@@ -12,7 +12,7 @@ import numpy as np
 from ..friction.law import element
 from ._abi import ffi
 from .binding import Array, ComposedPlant
-from .interface import of_numbers
+from .interface import of_numbers, of_package
 from .law_of import EngineLaw
 from .laws import LAW
 from .library import SOURCES
@@ -166,5 +166,4 @@ def _one_law(struct: re.Match[str]) -> str:
 
 
 def _kind(record: Any) -> Record:
-    own = type(record).__module__.startswith(f"stickslip.{LAW.room}.")
-    return of_numbers(type(record)) if own else record_type(record)
+    return of_numbers(type(record)) if of_package(type(record)) else record_type(record)

@@ -36,7 +36,6 @@ class Interface(NamedTuple):
         name: name of the C struct.
         noun: word for such a record in messages.
         header: name of the C header that declares the struct.
-        room: sub-package of stickslip ("friction") whose own records are compiled into the library.
         arguments: C declaration of the arguments of each role, by role, after the row of parameters.
         whole: roles whose C function returns an integer.
         functions: function that gets a record class, and returns its Python functions by role.
@@ -49,7 +48,6 @@ class Interface(NamedTuple):
     name: str
     noun: str
     header: str
-    room: str
     arguments: dict[str, str]
     whole: frozenset[str]
     functions: Callable[[type], dict[str, Any]]
@@ -127,6 +125,12 @@ class Interface(NamedTuple):
         lines = [f"const {struct} of = {fill};", *(["(void)p;"] if not numbers(kind) else []), *body]
         text = "\n    ".join(lines)
         return f"static {returns} {self.name}_{role}_{name}({head})\n{{\n    {text}\n}}\n"
+
+
+def of_package(record_class: type) -> bool:
+    """Return True for a record class of this package, whose functions are compiled into the library; False
+    for a user's own."""
+    return record_class.__module__.split(".")[0] == __name__.split(".")[0]
 
 
 def numbers(kind: Any) -> int:

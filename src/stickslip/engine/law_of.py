@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from . import called_back, numba_laws
 from .compiled_law import compiled
-from .interface import Interface, row
+from .interface import Interface, of_package, row
 from .laws import LAW
 from .library import packaged
 from .translator import Record, record_type
@@ -55,7 +55,7 @@ def law_of(record: Any, slowest: bool = False, interface: Interface = LAW) -> En
         KeyError: the type of the record is not registered.
     """
     law_type = type(record)
-    if law_type.__module__.startswith(f"stickslip.{interface.room}.") and not slowest:
+    if of_package(law_type) and not slowest:
         return EngineLaw(packaged(interface.name)[law_type.__name__], "package")
     kind = record_type(record)
     numbers = {name for name, _ in kind.fields}

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..friction import law as registered
 from ..friction import normal_force
-from .interface import Interface, numbers, of_numbers, row
+from .interface import Interface, numbers, of_numbers, of_package, row
 from .translator import REAL, Record, Translation
 
 HEAD = """/* {what}
@@ -74,7 +74,6 @@ LAW = Interface(
     name="law",
     noun="law",
     header="law.h",
-    room="friction",
     arguments={
         "rate": "real_t v, real_t z, real_t *force, real_t *dz",
         "breakaway": "",
@@ -102,9 +101,8 @@ def parameters(law: Any) -> list[float]:
 def packaged() -> list[type]:
     """Return the types of the package's laws that have an equation of their own, including elements of
     composed laws."""
-    own = __name__.split(".")[0]
     found = registered._IMPLEMENTATIONS.items()
-    return [law for law, made in found if made.rate is not None and law.__module__.split(".")[0] == own]
+    return [law for law, made in found if made.rate is not None and of_package(law)]
 
 
 def header(what: str, name: str, text: str, include: str = "law.h") -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..quantities import registry
 from ..quantities.records import quantities_of
-from .load import PIEZO_PARTS, load_set
+from .load import PIEZO_PARTS, ParameterSetError, load_set
 
 
 def parameter_text(
@@ -92,7 +92,7 @@ def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
     Raises:
         FileExistsError: a file with that name exists.
         OSError: the file cannot be written.
-        ParameterSetError: the written file, which remains, is not a valid parameter set.
+        ParameterSetError: the text is not a valid parameter set. The new file is removed again.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -105,5 +105,9 @@ def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
     except OSError as error:
         path.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from error
-    load_set(path)
+    try:
+        load_set(path)
+    except ParameterSetError:
+        path.unlink(missing_ok=True)
+        raise
     return path

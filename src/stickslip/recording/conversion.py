@@ -64,19 +64,31 @@ def to_si_unit(unit: str) -> Conversion:
 
 
 def to_si_scale(text: str) -> Conversion:
-    """Return the `Conversion` to SI for a unit with a number before it: "20 V" for a probe, "0.5 um/V" for a
-    sensor. A unit without a number is converted as by `to_si_unit`.
+    """Return the `Conversion` to SI for a unit with a number before it: "20 V" for a probe, "0.5 um/V" or
+    "2 mdeg/V" for a sensor. The unit may be any unit per volt; one without a number has the number 1.
 
     Raises:
         QuantityError: see `to_si_unit`; or the number is 0 or not finite, or stands before a temperature.
     """
     found = _SCALED.fullmatch(text.strip())
     if not found:
-        return to_si_unit(text)
-    number, made = float(found["number"]), to_si_unit(found["unit"])
+        return _per_volt(text)
+    number, made = float(found["number"]), _per_volt(found["unit"])
     if not 0.0 < abs(number) < float("inf") or made.offset:
         raise QuantityError(f"the scale {text!r} is not a scale: give a number other than 0, and a unit")
     return made._replace(factor=number * made.factor)
+
+
+def _per_volt(text: str) -> Conversion:
+    """Return the conversion of a unit, as `to_si_unit`, also of any known unit over a volt ("mm/s/V"), whose
+    dimension recordings need not have."""
+    of, _, volt = text.strip().rpartition("/")
+    if not of.strip() or not is_unit(volt) or to_si_unit(volt).unit != "V":
+        return to_si_unit(text)
+    over, per = to_si_unit(of), to_si_unit(volt)
+    if over.offset:
+        raise QuantityError(f"the scale {text!r} is not a scale: a temperature has another zero")
+    return Conversion(f"{over.unit}/V", over.factor / per.factor, 0.0)
 
 
 def is_number(text: str) -> bool:

@@ -98,6 +98,7 @@ def test_what_cannot_be_compared() -> None:
         ({"load": [0.0, 1.0]}, r"load = 0.0, 1.0 is out of range: .* names"),
         ({"load": [1.0, "dry"]}, "not both"),
         ({"load": ["1 N", "2 m"]}, "different units"),
+        ({"load": ["1 N", "2 Nn"]}, "not both: '2 Nn' is no quantity"),
         ({"load": [1.0, 2.0], "surface": ["x", "y"]}, "vary together"),
     ):
         with pytest.raises(QuantityError, match=match):

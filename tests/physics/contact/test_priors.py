@@ -97,6 +97,8 @@ def test_draws_and_widths() -> None:
     for call, match in (
         (lambda: prior.priors("sigma_1"), "says nothing of 'sigma_1' .did you mean 'sigma_0'"),
         (lambda: prior.widened(0.5), "factor = 0.5"),
+        (lambda: prior.held({"sigma_0": 0.0}), "sigma_0 = 0 N/m is out of range"),
+        (lambda: prior.held({"coulomb_force": math.nan}), "coulomb_force = nan N is not finite"),
         (lambda: rough_prior(PAIR, 1.0, 0.37e-6, **LOADED), "no lateral scale .of Ra none follows"),  # type: ignore[arg-type]
         (lambda: rough_prior(PAIR, -1.0, SURFACE, **LOADED), "in tension carries nothing"),
         (lambda: rough_prior(PAIR, 1.0, SURFACE, holder_stiffness=0.0, **LOADED), "holder_stiffness = 0"),

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
-from stickslip.engine import compiled_law, law_of, numba_laws
+from stickslip.engine import compiled_law, law_of, library, numba_laws
+from stickslip.engine.interface import of_package
 from stickslip.engine.translator import REAL, Translation, TranslationError
 from stickslip.physics.piezo import BoucWen, Piezo, bouc_wen, duhem_output, register_piezo
-from stickslip.physics.piezo.duhem import DUHEM, is_duhem, rested
+from stickslip.physics.piezo.duhem import _IMPLEMENTATIONS, DUHEM, is_duhem, rested
 from stickslip.quantities.records import Quantity, record
 from stickslip.quantities.units import QuantityError
 from stickslip.simulation.plant.at_piezo import at_piezo
@@ -160,6 +161,15 @@ def test_a_model_of_ones_own_runs_compiled_or_called_back(how: str, monkeypatch:
     np.testing.assert_allclose(made.start, expected[1].start, rtol=1e-13)
     np.testing.assert_allclose(made.polynomial, expected[1].polynomial, rtol=1e-9, atol=1e-9)
     assert law_of.law_of(WIDER, interface=DUHEM).how == how
+
+
+def test_models_of_the_package_come_from_the_library() -> None:
+    """All of them, without a compiler at run time: `BoucWen`, for now."""
+    own = [model for model in _IMPLEMENTATIONS if of_package(model)]
+    assert {model.__name__ for model in own} == set(library.packaged("duhem")) == {"BoucWen"}
+    made = law_of.law_of(BoucWen(0.3, 0.05, 0.02), interface=DUHEM)
+    assert made.how == "package"
+    assert made.pointer.parameters == 3
 
 
 def test_a_lambda_is_compiled_as_a_function_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -171,6 +172,29 @@ def test_the_scale_of_a_sensor_is_part_of_reading(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.drive_voltage, 20.0 * np.arange(N))
 
 
+@pytest.mark.parametrize(
+    ("name", "scale", "unit", "factor"),
+    [
+        ("end_effector_position", "0.5 mdeg/V", "rad", 0.5e-3 * math.pi / 180.0),
+        ("end_effector_position", "urad/V", "rad", 1e-6),
+        ("end_effector_position", "rad/V", "rad", 1.0),
+        ("end_effector_position", "3 °/mV", "rad", 3e3 * math.pi / 180.0),
+        ("vibration", "5 mm/s/V", "m/s", 5e-3),
+        ("turning", "2 deg/s/V", "rad/s", 2.0 * math.pi / 180.0),
+        ("torque", "4 mN m/V", "N m", 4e-3),
+        ("current", "100 mA/V", "A", 0.1),
+    ],
+)
+def test_any_sensor_with_a_voltage_output_has_a_scale(
+    tmp_path: Path, name: str, scale: str, unit: str, factor: float
+) -> None:
+    rows = [f"{t:.6e},{i}" for i, t in enumerate(TIME)]
+    path = written(tmp_path / "a.csv", ["time [s],sensor [V]"], rows)
+    found = ss.read_recording(path, {name: 1}, {name: scale})[name]
+    np.testing.assert_allclose(found, factor * np.arange(N), rtol=1e-12)
+    assert found.attrs["units"] == unit
+
+
 @pytest.mark.parametrize("unit", [20, "20", "2e1"])
 def test_a_scale_without_its_unit_says_how(tmp_path: Path, unit: object) -> None:
     path = written(tmp_path / "a.csv", ["time [s],U"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
@@ -187,7 +211,7 @@ def test_a_sensor_in_volts_is_told_of_its_scale(tmp_path: Path) -> None:
 
 
 def test_a_scale_that_is_none_is_refused() -> None:
-    for text in ("0 V", "1e999 V", "2 widgets", "3 degC"):
+    for text in ("0 V", "1e999 V", "2 widgets", "3 degC", "3 degC/V", "2 widgets/V"):
         with pytest.raises(QuantityError):
             to_si_scale(text)
 

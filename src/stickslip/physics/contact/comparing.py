@@ -230,17 +230,25 @@ def _effects(conditions: Mapping[str, Condition], count: int) -> list[_Effect]:
 
 
 def _numbers(name: str, given: Sequence[float | str]) -> Array | None:
-    """Return the values of a condition in base units; None for names: all are texts, one of them no quantity.
+    """Return the values of a condition in base units; None for names: texts, none of which is a quantity.
 
     Raises:
-        QuantityError: Python numbers and names are mixed, units differ, or a number is not above 0.
+        QuantityError: some values are numbers or quantities and others are not, units differ, or a number is
+            not above 0.
     """
-    try:
-        quantities = [with_unit(str(one)).to_base_units() for one in given]
-    except QuantityError:
-        if all(isinstance(one, str) for one in given):
-            return None
-        raise QuantityError(f"{name} must be numbers or quantities, or names, not both") from None
+    quantities, others = [], []
+    for one in given:
+        try:
+            quantities.append(with_unit(str(one)).to_base_units())
+        except QuantityError:
+            others.append(str(one))
+    if others and not quantities:
+        return None
+    if others:
+        raise QuantityError(
+            f"{name} must be numbers or quantities, or names, not both: {others[0]!r} is no quantity, and "
+            "other values are"
+        )
     if len({str(one.units) for one in quantities}) > 1:
         raise QuantityError(f"{name} has values of different units: {', '.join(map(str, given))}")
     numbers = np.array([float(one.magnitude) for one in quantities])

@@ -153,12 +153,19 @@ class ContactPrior:
 
         `values` is a fit, or values by name in SI; parameters without a prior are left out. A deviation
         beyond ±1.96 means that the prior is misleading.
+
+        Raises:
+            QuantityError: a value is not a finite number above 0.
         """
-        found = values.values if isinstance(values, Fit) else values
-        return {
-            name: math.log(found[name] / of.value) / math.log(of.factor)
+        given = values.values if isinstance(values, Fit) else values
+        found = {
+            name: Quantity(of.unit, "", "a value beside its prior", above=0.0).check(given[name], name)
             for name, of in self.known.items()
-            if name in found
+            if name in given
+        }
+        return {
+            name: math.log(value / self.known[name].value) / math.log(self.known[name].factor)
+            for name, value in found.items()
         }
 
     def report(self) -> str:

@@ -112,7 +112,6 @@ DUHEM = Interface(
     name="duhem",
     noun="piezo model",
     header="piezo.h",
-    room="piezo",
     arguments={
         "slope": "real_t u, real_t h, real_t up",
         "way": "real_t h, real_t u, real_t goal",

@@ -80,8 +80,9 @@ def read_recording(
             column; without it, the column called time (or t, timestamp, ...) is taken. Without other names,
             all columns are read.
         units: standard name -> unit in the file ("mm", "uN"), which overrides the file's own, also with a
-            number: "20 V" (a divider), "0.5 um/V" (a sensor, whose column is in volts). Without a unit here,
-            in a name ("disp_um") or in a header, plausible numbers are taken as SI, with a RecordingWarning.
+            number: "20 V" (a divider), "0.5 um/V" or "2 mdeg/V" (a sensor, whose column is in volts). Without
+            a unit here, in a name ("disp_um") or in a header, plausible numbers are taken as SI, with a
+            RecordingWarning.
         sample_rate: Hz, for a file without time.
         start_time: time of the first sample, s. By default that of the file; 0 for dates and if the file has
             none.

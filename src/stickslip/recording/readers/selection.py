@@ -150,8 +150,8 @@ def _scale(said: str, own: str, standard: str) -> Conversion:
     if not isinstance(said, str) or (said.strip() != "1" and is_number(said)):
         raise QuantityError(f'{said!r} names no unit; a scale is said with one, "{said} {standard}"')
     made = to_si_scale(said)
-    quantity, _, per = made.unit.partition("/")
-    if per != "V":
+    quantity, over, per = made.unit.rpartition("/")
+    if not over or per != "V":
         return made
     volts = to_si_unit(own) if own else Conversion("V", 1.0, 0.0)
     if volts.unit != "V":
