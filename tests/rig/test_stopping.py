@@ -18,7 +18,7 @@ import pytest
 from stickslip.rig import HostedRig, Link, RigError, VirtualRig
 from stickslip.rig.description import virtual_device
 from stickslip.rig.home import Home
-from stickslip.rig.hosted import UNANSWERED
+from stickslip.rig.hosted import UNANSWERED, stop_all
 from stickslip.rig.limits import Limits
 from stickslip.rig.order import Order
 from stickslip.rig.protocols import RigWarning, StopRequested
@@ -91,6 +91,29 @@ def test_a_rig_that_is_frozen_is_told_of_until_it_answers(link: Link) -> None:
     assert told[-1].state == "measured"
     assert told[-1].alarm == ""
     assert rig.phase
+
+
+def test_all_rigs_are_told_to_stop_though_one_does_not_answer(link: Link, tmp_path: Path) -> None:
+    def told(one: Link) -> bool:
+        return "the program ends" in (one.folder / "log.jsonl").read_text()
+
+    other = Link(tmp_path / "other", "a test")
+    for one in (link, other):
+        walking(one)
+    os.kill(number_of(link), signal.SIGSTOP)
+    try:
+        begun = time.monotonic()
+        stop_all(1.0)
+        assert time.monotonic() - begun < 4.0
+        assert told(other)
+        assert not told(link)
+    finally:
+        os.kill(number_of(link), signal.SIGCONT)
+    end = time.monotonic() + 60.0
+    while not told(link):  # its request waits until it goes on
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    other.close()
 
 
 def test_a_process_that_is_gone_proves_nothing(link: Link) -> None:

@@ -141,19 +141,31 @@ _LINKS: WeakSet[Link] = WeakSet()
 
 
 def stop_all(most: float = 3.0) -> None:
-    """Stop the runs of all rigs of this program, one after the other; after `most` s no stop is sent."""
-    end = time.monotonic() + most
+    """Stop the runs of all rigs of this program: tell all of them first, then wait for the ends of the runs,
+    `most` s at most."""
+    end, request = time.monotonic() + most, {"do": "stop", "why": "the program ends"}
+    links = []
     for folder in {link.folder for link in list(_LINKS)}:
-        other = greeted(folder, "a stop")
-        if other is None:
-            continue
-        with other, suppress(OSError, EOFError):
-            other.settimeout(1.0)
-            while time.monotonic() < end:
-                send(other, {"do": "stop", "why": "the program ends"})
-                if not receive(other)[0].get("stopped"):
-                    break
-                time.sleep(0.01)
+        # The request follows the greeting at once: a process that does not answer must not delay the others.
+        if (link := _addressed(folder, "a stop", 1.0)) is not None:
+            with suppress(OSError):
+                send(link, request)
+            links.append(link)
+    while links and (left := end - time.monotonic()) > 0.0:
+        for link in select.select(links, [], [], left)[0]:
+            try:
+                answer = receive(link)[0]
+                over = "error" in answer or answer.get("stopped") is False
+                if answer.get("stopped"):
+                    time.sleep(0.01)
+                    send(link, request)
+            except (OSError, EOFError):
+                over = True
+            if over:
+                link.close()
+                links.remove(link)
+    for link in links:
+        link.close()
 
 
 class HostedRig:
@@ -383,6 +395,21 @@ def _left(process: int) -> int | None:
 
 def greeted(folder: Path, name: str, within: float = 5.0) -> socket.socket | None:
     """Return an accepted connection to the rig's process of a folder; None if none answers `within` s."""
+    link = _addressed(folder, name, within)
+    if link is None:
+        return None
+    try:
+        receive(link)
+        link.settimeout(None)
+    except (OSError, EOFError):
+        link.close()
+        return None
+    return link
+
+
+def _addressed(folder: Path, name: str, within: float) -> socket.socket | None:
+    """Return a connection, with a timeout of `within` s, to the rig's process of a folder; None without such
+    a process. The request "hello" was sent and is not answered yet."""
     try:
         known = read_small(folder / "rig.json") or {}
         token, port = str(known["token"]), int(known["port"])
@@ -392,9 +419,7 @@ def greeted(folder: Path, name: str, within: float = 5.0) -> socket.socket | Non
     try:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         send(link, {"do": "hello", "token": token, "name": name, "pid": os.getpid()})
-        receive(link)
-        link.settimeout(None)
-    except (OSError, EOFError):
+    except OSError:
         link.close()
         return None
     return link
