@@ -438,6 +438,16 @@ def test_report_and_results_say_values_units_and_doubts() -> None:
     assert found["undetermined"] == list(fit.undetermined)
 
 
+@pytest.mark.parametrize("known", [False, True])
+def test_the_reduced_chi_squared_is_told_only_with_the_noise(known: bool) -> None:
+    """Otherwise it is a variance in the squared unit of the data."""
+    *_, recording, parameters = line_problem(np.random.default_rng(1))
+    fit = fit_least_squares([recording], parameters, noise_known=known)
+    assert (f"reduced chi-squared {fit.reduced_chi_squared:.4g}, AIC" in fit.report()) == known
+    assert ("chi-squared" in fit.report()) == known
+    assert fit.to_dict()["reduced_chi_squared"] == (fit.reduced_chi_squared if known else None)
+
+
 def wavy(noise: float):
     """Data with valleys of the sum of squares beside the deepest one, which is at 2.3."""
     t = np.linspace(0.0, 6.0, 400)

@@ -1,6 +1,7 @@
 """Tables and numbers of a fit: a straight line, whose estimates have a closed form."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,6 +59,10 @@ def test_numbers(fit: Fit) -> None:
     assert numbers["rmse"].value == pytest.approx(np.sqrt(np.mean(residuals**2)), rel=1e-6)
     assert numbers["recordings"]["ramp"]["r_squared"].value == pytest.approx(LINE.rvalue**2, rel=1e-9)
     assert numbers["degrees_of_freedom"].value == 48
+    assert math.isnan(numbers["reduced_chi_squared"].value)  # it would be a variance, in m^2
+    assert numbers["reduced_chi_squared"].note == "the noise was not given, see rmse"
+    known = fit_numbers(replace(fit, noise_known=True), "m")
+    assert known["reduced_chi_squared"] == Number(fit.reduced_chi_squared, "")
     assert numbers["correlation"]["parameters"] == ["offset", "rate"]
     expected = -T.mean() / np.sqrt(np.mean(T**2))  # of intercept and slope
     assert numbers["correlation"]["coefficients"]["value"][0][1] == pytest.approx(expected, rel=1e-4)

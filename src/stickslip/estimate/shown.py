@@ -34,7 +34,9 @@ def as_text(fit: Fit, level: float) -> str:
     lines = [*_aligned(values), "", *_aligned(rows), ""]
     if len(fit.recordings) > 1:
         lines.append(f"all recordings: r^2 {fit.r_squared:.6f}")
-    lines.append(f"reduced chi-squared {fit.reduced_chi_squared:.4g}, AIC {fit.aic:.2f}, BIC {fit.bic:.2f}")
+    # Without given noise, it is a variance in the squared unit of the data; rmse says the same.
+    chi = f"reduced chi-squared {fit.reduced_chi_squared:.4g}, " if fit.noise_known else ""
+    lines.append(f"{chi}AIC {fit.aic:.2f}, BIC {fit.bic:.2f}")
     state = "converged" if fit.converged else "NOT CONVERGED"
     lines.append(f"{state}: {fit.message} ({fit.n_evaluations} evaluations)")
     if fit.starts > 1:
@@ -64,6 +66,7 @@ def as_dict(fit: Fit, level: float) -> dict[str, Any]:
     interval (lower and upper end, at the confidence level `level`, 0 to 1), level and bounds, if it applies
     also fixed (True), tied (expression), interval_systematic and interval_both; r_squared, rmse, unit and
     n_data. Other keys are the names of attributes of `Fit`, such as "failures", and "lack_of_fit".
+    "reduced_chi_squared" is None if the noise was not given.
     """
     intervals, errors = fit.confidence_intervals(level), fit.standard_errors
     wider = systematic_numbers(fit, level)
@@ -92,7 +95,7 @@ def as_dict(fit: Fit, level: float) -> dict[str, Any]:
         "bic": fit.bic,
         "n_data": fit.n_data,
         "degrees_of_freedom": fit.degrees_of_freedom,
-        "reduced_chi_squared": fit.reduced_chi_squared,
+        "reduced_chi_squared": fit.reduced_chi_squared if fit.noise_known else None,
         "noise_known": fit.noise_known,
         "correlated": fit.correlated,
         "n_evaluations": fit.n_evaluations,

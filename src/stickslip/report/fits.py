@@ -3,6 +3,7 @@ doubt, advice on missing terms, and faults of instruments."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -117,6 +118,9 @@ def prediction_picture(name: str, caption: str, found: xr.Dataset, channel: str,
     return Picture(name, caption, svg(fit_with_residuals(*columns, name=channel, unit=unit)), alt)
 
 
+_NO_CHI_SQUARED = Number(math.nan, "", note="the noise was not given, see rmse")
+
+
 def doubts(fit: Fit) -> tuple[str, ...]:
     """Return sentences on reasons not to trust the fit, and on decisions that the fit made automatically.
 
@@ -155,7 +159,7 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
         "rmse": Number(fit.rmse, unit),
         "aic": Number(fit.aic, ""),
         "bic": Number(fit.bic, ""),
-        "reduced_chi_squared": Number(fit.reduced_chi_squared, ""),
+        "reduced_chi_squared": Number(fit.reduced_chi_squared, "") if fit.noise_known else _NO_CHI_SQUARED,
         "degrees_of_freedom": Number(fit.degrees_of_freedom, ""),
         "evaluations": Number(fit.n_evaluations, ""),
         "converged": fit.converged,
