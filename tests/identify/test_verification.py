@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -64,6 +65,7 @@ def test_report_and_dictionary() -> None:
     lines = v.report().splitlines()
     assert lines[0] == "prediction of position [m]"
     assert [words.split()[0] for words in lines[1:5]] == ["recording", "same", "steeper", "all"]
+    assert lines[2].split()[3] == "-"  # the noise is not known
     (remark,) = lines[5:]  # neither rests nor repeats
     assert remark.startswith("what is left of steeper is ")
     assert "the white noise of its positions" in remark
@@ -194,7 +196,11 @@ def test_a_prediction_that_leaves_more_than_noise_says_so() -> None:
     walk["end_effector_position"] += noise
     right = verify(Predictor(actuator), walk, drive=drive)
     assert right.statements == ()
-    assert 0.9 < right.table["residual_over_noise"].values[0] < 1.2
+    ratio = right.table["residual_over_noise"].values[0]
+    assert 0.9 < ratio < 1.2
+    titles, values = (re.split(r" {2,}", line) for line in right.report().splitlines()[1:3])
+    assert values[titles.index("residual/noise")] == f"{ratio:.3g}"
+    assert [one["residual_over_noise"] for one in right.to_dict()["recordings"].values()] == [ratio]
     law = actuator.friction
     wrong = verify(
         Predictor(actuator.replace(friction=law._replace(sigma_0=0.8 * law.sigma_0))), walk, drive=drive

@@ -49,8 +49,7 @@ class Fit:
         recordings: goodness of fit of each recording.
         degrees_of_freedom: number of data and priors minus number of parameters.
         reduced_chi_squared: weighted sum of squares divided by the degrees of freedom; about 1 if the noise
-            was given and the model is right. If not, it is the variance of the residuals, in the squared unit
-            of the data, which reports leave out.
+            was given and the model is right; without given noise, a variance in the squared unit of the data.
         log_likelihood: natural logarithm of the likelihood for Gaussian noise; NaN with a robust loss.
         noise_known: True if the noise was given; otherwise its level was estimated from the residuals.
         correlated: True if the uncertainty allows for residuals that are correlated in time.

@@ -212,18 +212,19 @@ class Verification:
         width = max(len("recording"), *(len(g.name) for g in self.recordings))
         lines = [
             f"prediction of {self.observed} [{self.unit}]",
-            f"{'recording':{width}}  {'r^2':9}  {'rmse':10}  {'net step error':14}  data",
+            f"{'recording':{width}}  {'r^2':9}  {'rmse':10}  residual/noise  net step error  data",
         ]
+        ratios = self.table["residual_over_noise"].values
         rows = [
-            (g.name, g.r_squared, g.rmse, _percent(_step_error(*pair)), g.n_data)
-            for g, pair in zip(self.recordings, self.steps, strict=True)
+            (g.name, g.r_squared, g.rmse, _ratio(ratio), _percent(_step_error(*pair)), g.n_data)
+            for g, ratio, pair in zip(self.recordings, ratios, self.steps, strict=True)
         ]
         if len(rows) > 1:
-            rows.append(("all", self.r_squared, self.rmse, "", sum(g.n_data for g in self.recordings)))
+            rows.append(("all", self.r_squared, self.rmse, "", "", sum(g.n_data for g in self.recordings)))
         return "\n".join(
             [
                 *lines,
-                *(f"{n:{width}}  {r:9.6f}  {e:<10.4g}  {s:14}  {k}" for n, r, e, s, k in rows),
+                *(f"{n:{width}}  {r:9.6f}  {e:<10.4g}  {o:14}  {s:14}  {k}" for n, r, e, o, s, k in rows),
                 *self.statements,
                 *self.remarks,
                 *self.taken,
@@ -236,20 +237,15 @@ class Verification:
         """Return the results for JSON: "observed", "unit", "r_squared", "rmse", "recordings" (for each name
         its figures of merit), "statements" and "drives" (both lists of sentences). Numbers that do not exist
         (r^2 of a constant, a net step) are None."""
+        table = self.table
         return {
             "observed": self.observed,
             "unit": self.unit,
             "r_squared": _finite(self.r_squared),
             "rmse": self.rmse,
             "recordings": {
-                g.name: {
-                    "r_squared": _finite(g.r_squared),
-                    "rmse": g.rmse,
-                    "net_step": _finite(pair[0]),
-                    "net_step_error": _finite(_step_error(*pair)),
-                    "n_data": g.n_data,
-                }
-                for g, pair in zip(self.recordings, self.steps, strict=True)
+                str(name): {key: _finite(column.values[i].item()) for key, column in table.items()}
+                for i, name in enumerate(table["recording"].values)
             },
             "statements": list(self.statements),
             "drives": list(self.taken),
@@ -262,6 +258,10 @@ def _step_error(measured: float, predicted: float) -> float:
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.3g} %" if math.isfinite(share) else "-"
+
+
+def _ratio(number: float) -> str:
+    return f"{number:.3g}" if math.isfinite(number) else "-"
 
 
 def _finite(number: float) -> float | None:
