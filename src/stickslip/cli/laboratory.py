@@ -160,7 +160,7 @@ def twin(
     ] = False,
     show_traceback: Traceback = False,
 ) -> None:
-    """Serve a simulated controller (twin), whose stages move as the model does, until Ctrl-C."""
+    """Serve a simulated controller (twin) with simulated stages, until Ctrl-C."""
     with errors_in_one_line(show_traceback):
         from ..physics.actuator import load_actuator
         from ..physics.temperature import at_temperature

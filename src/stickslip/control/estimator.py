@@ -254,10 +254,11 @@ class Estimator:
         self._p[_POSITION, _POSITION] += _ERROR.check(error, "error") ** 2
 
     def measured(self, position: float | str, noise: float | str) -> None:
-        """Correct the position by a measured one [m] with standard deviation `noise` [m].
+        """Correct all states (position, step sizes, load) and their uncertainty by a measured position [m]
+        with standard deviation `noise` [m].
 
-        A position that deviates from the estimate by more than `_SURPRISE` standard deviations is also used,
-        and an entry is added to `events`.
+        A position that deviates from the estimate by more than `_SURPRISE` standard deviations (of estimate
+        and noise together) is also used, and an entry is added to `events`.
         """
         value, sigma = _AT.check(position, "position"), _NOISE.check(noise, "noise")
         column = self._p[:, _POSITION]

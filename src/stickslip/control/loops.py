@@ -224,9 +224,9 @@ class OpenLoop(NamedTuple):
     """A regulator in series with a loop: the open loop.
 
     Fields: `regulator`, its state space `own`, and `loop`; the response from error to position (without unit)
-    at `frequencies` [Hz], as complex `curve`, natural logarithm of its magnitude `level`, and `phase` [rad];
-    `real`, its real value at half the update rate; and `turned`, its magnitudes where its phase is -180
-    degrees.
+    at `frequencies` [Hz], as complex `curve`, natural logarithm of its magnitude `level`, and `phase` [rad],
+    continuous (unwrapped); `real`, its real value at half the update rate; and `turned`, its magnitudes where
+    the phase is any odd multiple of 180 degrees, half the update rate included.
     """
 
     regulator: Regulator

@@ -56,7 +56,8 @@ def settling(
         recording: result of `rig.regulate` or `simulate_control`.
         target: target position, m, or rad if the recording is in rad.
         windows: half-widths of the windows about the target, in the same unit.
-        hold: duration at the end over which the rms error and the noise are computed, s; 0: the last sample.
+        hold: duration at the end over which the rms error and the noise are computed, s; 0: the last sample
+            for the error, the last two for the noise.
         average: duration of a running mean, s, which removes the sensor's noise, and faster motion, from all
             results. By default 1 ms for a sensor's readings, and no mean for a simulated position (next to
             `measured_position`), which has no noise.

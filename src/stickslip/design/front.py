@@ -123,6 +123,7 @@ def _merits(searched: list[Searched], x: Array) -> Array:
 def selected(merits: Array, count: int) -> Any:
     """Return the indices of the `count` candidates that stay in the population, from merits [n, 2].
 
+    Larger merits are better; n must be at least `count`.
     First all candidates stay that no other one dominates, then those that only these dominate, and so on
     (front by front). From the last front, the most crowded candidates are removed one by one (see `_gaps`).
     """

@@ -164,8 +164,8 @@ class Parameter(NamedTuple):
         return "(fixed)" if self.fixed else f"(tied: {self.tied})" if self.tied else ""
 
     def coordinate(self, value: float) -> float:
-        """Return the coordinate q in which a physical value (in the unit) is fitted: its logarithm, its
-        square, or itself."""
+        """Return the coordinate q in which a physical value (in the unit) is fitted: the logarithm of (value
+        + `shift`), -inf if this sum is not positive; the square; or the value itself."""
         if self.square:
             return float(value) ** 2
         if not self.log:

@@ -68,8 +68,13 @@ class _Blocks:
         self._parts = self._unpacked = 0
 
     def check(self) -> None:
-        """Visit all blocks along the links that asammdf follows, and count them. Raises GateError if a limit
-        in `LIMITS` is exceeded."""
+        """Visit all blocks along the links that asammdf follows, count them, and add up their unpacked bytes.
+        Compressed blocks are unpacked as a check.
+
+        Raises:
+            GateError: a limit in `LIMITS` is exceeded, or a compressed block is wrong, see `_unpack`.
+            struct.error, zlib.error: the file is damaged.
+        """
         open_: list[tuple[int, int]] = [(_HEADER, 1)]
         while open_:
             at, depth = open_.pop()

@@ -28,8 +28,8 @@ _NUMBERS = {"changed": "REAL", "bytes": "INTEGER", "seconds": "REAL", "samples":
 # Columns of the table that contain text; a search examines these.
 TEXTS = tuple(column for column in COLUMNS if column not in _NUMBERS)
 _FOLDER = ".stickslip"
-# Longest time in which a request of the panel's page starts to read new files, s. The last file may take 64 s
-# more (`STUCK`).
+# Longest time in which a request of the panel's page starts to read new files, s. The last file may then take
+# `gate.process.STUCK` times the processor time allowed for its size.
 READING = 20.0
 
 

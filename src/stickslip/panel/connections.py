@@ -29,7 +29,7 @@ class BoundedConnection(H11Protocol):
 
     _timer: TimerHandle | None = None
     _served: Any = None  # last request, as it was at the last check; None for none
-    _looks = 0  # number of successive checks with the same request that waits for the client
+    _looks = 0  # number of successive checks with the same request, answered or waiting for the client
 
     def connection_made(self, transport: Any) -> None:
         """Start the timer of a new connection.

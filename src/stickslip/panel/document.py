@@ -268,8 +268,8 @@ class BenchDocument:
 def _files(file: ExperimentFile) -> Iterator[str]:
     """Yield the names of the user's files in an experiment: parameter set, bench, calibrations, waveforms.
 
-    They must be in the panel's folder. Names of the package's own sets, benches and calibrations are left
-    out.
+    The caller checks that they are in the panel's folder. Names of the package's own sets, benches and
+    calibrations are left out.
     """
     bench = getattr(file.rig, "bench", "")
     named = [(bench, available_benches()), (file.actuator.set, available_sets())]

@@ -119,7 +119,8 @@ class Slips:
         """Advance by one sample and return the new `offset`, m (rad for a rotary actuator).
 
         Args:
-            slid: displacement of the end-effector relative to the stage in the model, in the same unit.
+            slid: total displacement of the end-effector relative to the stage in the model, in the same
+                unit; not the increment since the previous sample.
             seconds: time since the previous sample, s.
         """
         at = min(max(self._slipped, slid - self._width), slid + self._width)
@@ -139,7 +140,9 @@ class Slips:
     def follow(self, slid: Array, seconds: Array) -> Array:
         """Advance by n samples; return the offset after each [n], m (rad for a rotary actuator).
 
-        The arguments are arrays [n] of the arguments of `step`.
+        Args:
+            slid: total displacement in the model at each sample [n], see `step`.
+            seconds: time between each sample and the previous one [n], s.
         """
         return np.array([self.step(q, dt) for q, dt in zip(slid.tolist(), seconds.tolist(), strict=True)])
 

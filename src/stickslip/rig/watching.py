@@ -90,7 +90,11 @@ class WatchedRig:
         self._armed(samples - self._skip, self._before - self._skip)
 
     def start(self) -> None:
-        """Call `sees` without samples, then start the run; an error that `sees` raises prevents the start."""
+        """Call `sees` without samples, then start the run; an error that `sees` raises prevents the start.
+
+        If the wrapped rig is a `HostedRig`, its start calls `sees` without samples again and again while the
+        run is prepared.
+        """
         nothing = {name: np.zeros(0) for name in self._channels}
         self._sees(nothing)
         if isinstance(self._rig, HostedRig):

@@ -173,8 +173,8 @@ def behind(output: OutputStage, rows: list[Any], reasons: list[str]) -> list[Any
     Args:
         output: the output stage.
         rows: waveform of each member.
-        reasons: text per member, empty if it is valid; a refusal by the output stage is stored here, and the
-            member keeps its waveform.
+        reasons: text per member, empty if it is valid; members with a text are skipped. A refusal by the
+            output stage is stored here, and the member keeps its waveform.
     """
     made: dict[Any, Any] = {}
     for m, row in enumerate(rows):

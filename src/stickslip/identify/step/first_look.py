@@ -214,8 +214,17 @@ def _left(look: Look, test: StepTest, response: Response) -> Array:
 
 
 def _polished(look: Look, test: StepTest, rise: float, response: Response) -> Look:
-    """Return the second-order response closest to the recorded one, by least squares from the initial guess
-    `look`; `rise` is the height of the recorded rise, m."""
+    """Return the parameters of the second-order response closest to the recorded one, by least squares.
+
+    The natural frequency changes at most by a factor 2, the damping ratio by a factor 20, and the delay by 3
+    divided by the angular frequency.
+
+    Args:
+        look: initial guess.
+        test: recorded step, with positions relative to the position before the step.
+        rise: height of the recorded rise, m.
+        response: function for the response of parameters to the step, see `Response`.
+    """
     w, zeta, delay = look
 
     def of(q: Array) -> Look:

@@ -40,7 +40,11 @@ def from_points(
         parameters: parameters with bounds wide enough for all guesses.
         guesses: initial guesses (values by name, SI), the user's first.
         given: names whose bounds are the user's; the other bounds are set about the ends of the searches.
-        max_evaluations: largest number of evaluations of each search.
+        max_evaluations: largest number of evaluations of a short search (at most `ENOUGH`), and again of its
+            completion. Searches are not started or completed after the end of the budget of `walks`.
+
+    Raises:
+        FitError: no search can start.
     """
     looked: list[Fit] = []
 
@@ -67,7 +71,9 @@ def from_points(
         # `integrated` averages over this minimum later.
         found = [end(fit, _lost(fit)) for fit in kept]
         best = min(found, key=lambda fit: fit.cost)
-        if not _lost(best):  # intervals include another minimum only if the search for it has ended
+        # If the best fit has no undetermined value, the stopped searches that may end as low are completed:
+        # intervals include another minimum only if the search for it has ended.
+        if not _lost(best):
             found = [end(fit, not (_lost(fit) and likely(fit, best))) for fit in found]
         return [replace(fit, parameters=tuple(straightened(within, fit.values))) for fit in found]
 

@@ -95,9 +95,10 @@ def goal_of(given: Goal | None, model: Actuator) -> Any:
 
 
 class OutputLimitsSpec(fields_of(OutputStage, "slew_rate", "current", "capacitance")):
-    """Limits of an output stage: `slew_rate` [V/s], or `current` [A] with `capacitance` [F], or a `bench`.
+    """Limits of an output stage: `slew_rate` [V/s] and `current` [A] with `capacitance` [F], or a `bench`.
 
-    The limits of a `bench` are those of its amplifier with its piezo as load.
+    Slew rate or current may be left out; with both, the lower slope limits. A `bench` excludes them: its
+    limits are those of its amplifier with its piezo as load.
     """
 
     bench: str | None = None

@@ -43,7 +43,8 @@ class PlanSpec(arguments_of(plan_experiment, "recordings", "duration", "sample_r
     def made(self, given: Given) -> Document:
         """Plan the recordings; return a report with experiment.yaml, an experiment file that makes them.
 
-        Raises QuantityError for wrong values, and RecordingError if the file `noise` cannot be read.
+        Raises QuantityError for wrong values, RecordingError if the file `noise` cannot be read, and
+        InputFileError if `like` cannot be read or is no experiment file.
         """
         goal: Any = drive_of([self.goal], {}, given.folder) if isinstance(self.goal, PartSpec) else self.goal
         plan = plan_experiment(

@@ -70,11 +70,12 @@ def _mean_square(of, t, before, slope, bend):
     tau > 0, an exponential of height `bend` [V] that decays to 0.
 
     Args:
-        of: limits of the amplifier.
+        of: limits of the amplifier; `tau` is the time constant of the exponential, `memory` of the mean.
         t: s.
         before: mean square of the current now, A².
         slope: final slope of the output, V/s.
-        bend: initial height of the exponential, V.
+        bend: initial value of the line that the output approaches, minus the output, V: the output is the
+            line minus the exponential.
     """
     steady = of.farad * slope
     left = math.exp(-t / of.memory)
@@ -89,7 +90,7 @@ def _mean_square(of, t, before, slope, bend):
 def _until_as_fast(tau, rate, s, bend):
     """Return the time [s] at which the slope of the output reaches `rate` [V/s], below abs(s).
 
-    The output approaches a ramp of slope s [V/s] from an initial deviation `bend` [V].
+    The output approaches a ramp of slope s [V/s]; `bend` [V] is the ramp minus the output at the start.
     """
     return -tau * math.log(tau * (rate - abs(s)) / (bend if s > 0.0 else -bend))
 

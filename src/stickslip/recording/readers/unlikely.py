@@ -37,8 +37,8 @@ def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked], units: Contain
         units: names of variables whose unit the user has given, which are not checked.
 
     Raises:
-        RecordingError: a value is implausible; the message names the column, its range in SI, and the
-            argument to give.
+        RecordingError: a value is implausible; the message names the column, its range in SI (for a time
+            column the sampling interval), and the argument to give.
     """
     for group, clock in zip(groups, chosen.clocks.values(), strict=True):
         step = float(np.median(np.diff(group.time))) if group.time.size > FEW else 0.0

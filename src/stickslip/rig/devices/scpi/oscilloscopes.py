@@ -18,8 +18,8 @@ from ...scpi import ScpiInstrument
 from .generators import known
 
 _POLL = 0.01  # pause between two queries for the state of the acquisition, s
-# Largest credible voltage of either sign, as a multiple of the channel's voltage range; a larger one is an
-# error.
+# Largest credible voltage of either sign, as a multiple of the channel's voltage range (from bottom to top of
+# the screen); a larger one is an error.
 _BEYOND = 1.5
 _ARMED = 5.0  # longest time that an oscilloscope may take until it waits for a trigger, s
 
