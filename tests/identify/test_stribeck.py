@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 from typer.testing import CliRunner
 
 import stickslip as ss
@@ -66,6 +69,22 @@ def test_a_fall_that_noise_may_have_made_is_doubted() -> None:
     assert sum("do not show that friction falls" in " ".join(one) for one in said) >= 7
     seen = identify_stribeck(V, friction(V) + 0.01 * rng.normal(size=V.size))
     assert seen.doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("options", "fitted"),
+    [({}, 2), ({"exponent": None}, 3), ({"tied": {"stribeck_velocity": "'3 mm/s'"}}, 1)],
+)
+def test_the_fall_is_tested_with_the_parameters_fitted(options: dict[str, Any], fitted: int) -> None:
+    f = 1.0 + 3.0 * V + 0.01 * np.random.default_rng(6).normal(size=V.size)
+    fit = identify_stribeck(V, f, **options)
+    said = re.search(r"noise to show as much: ([0-9.e-]+)\)", " ".join(fit.doubts))
+    line = np.polynomial.Polynomial.fit(V, f, 1)
+    without, left = np.sum((f - line(V)) ** 2), np.sum(fit.residuals[0] ** 2)
+    free = V.size - 2 - fitted
+    chance = scipy.stats.f.sf((without - left) / fitted / (left / free), fitted, free)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(chance, rel=0.05)
 
 
 def test_known_deviations_weigh_the_points() -> None:

@@ -33,6 +33,8 @@ TRIALS = 60  # number of Stribeck velocities, over the range of the points, that
 LEAST_EXCESS = 1e-3  # smallest initial guess of stiction minus Coulomb friction, over the largest force
 # Largest p-value of the F-test at which the points show that friction falls with speed.
 FALSE_ALARM = 0.01
+# Parameters of the fall of friction with speed.
+FALL = ("stiction_excess", "stribeck_velocity", "exponent")
 # A Stribeck velocity below NEAR_ENDS times the slowest measured speed, or above the fastest divided by
 # NEAR_ENDS, is uncertain.
 NEAR_ENDS = 3.0
@@ -112,7 +114,7 @@ def identify_stribeck(
         sigma_2=max(values["sigma_2"], 0.0),
         exponent=values["exponent"],
     )
-    chance = _chance(v, f, noise, offset, np.concatenate([np.ravel(one) for one in fit.residuals]))
+    chance = _chance(v, f, noise, offset, fit)
     doubts = _unseen(chance) if chance > FALSE_ALARM else _doubts(law, slowest, fastest)
     return replace(
         fit,
@@ -197,24 +199,26 @@ def _start(
     return (coulomb, float(x[1]), float(x[2]), best[2]), shift
 
 
-def _chance(v: Array, f: Array, noise: Array | None, offset: bool, left: Array) -> float:
+def _chance(v: Array, f: Array, noise: Array | None, offset: bool, fit: Fit) -> float:
     """Return the p-value of an F-test of the fall of friction with speed: the probability that noise alone
-    lowers the sum of squares as much as the two parameters of the fall did.
+    lowers the sum of squares as much as the parameters of the fall did.
 
     Args:
         v: velocities, m/s.
         f: forces, N.
         noise: standard deviation of each force, N; None: equal.
         offset: True: the force has an offset.
-        left: residuals of the fit of the Stribeck curve, N.
+        fit: fit of the Stribeck curve. Its fitted parameters of the fall (see `FALL`) count; if all are tied,
+            they count as 1.
     """
+    left = np.concatenate([np.ravel(one) for one in fit.residuals])
+    falls, freedom = max(sum(p.name in FALL for p in fit.parameters), 1), fit.degrees_of_freedom
     weight = np.ones(v.size) if noise is None else 1.0 / noise
     columns = np.stack([np.sign(v), v, *([np.ones(v.size)] if offset else [])], axis=1) * weight[:, None]
     without = f * weight - columns @ np.linalg.lstsq(columns, f * weight, rcond=None)[0]
     with_fall = float(np.sum((left * weight) ** 2))
-    freedom = v.size - columns.shape[1] - 2
-    gain = max(float(np.sum(without**2)) - with_fall, 0.0) / 2.0
-    return float(scipy.special.fdtrc(2, freedom, gain * freedom / max(with_fall, 1e-300)))
+    gain = max(float(np.sum(without**2)) - with_fall, 0.0) / falls
+    return float(scipy.special.fdtrc(falls, freedom, gain * freedom / max(with_fall, 1e-300)))
 
 
 def _unseen(chance: float) -> tuple[str, ...]:
