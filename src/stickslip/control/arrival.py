@@ -43,8 +43,8 @@ class Arrival:
 
     @property
     def offset(self) -> float:
-        """Return the mean deviation of the readings from the target over the last 8 batches, m (rad for a
-        rotary actuator); NaN before the first 8 batches are complete."""
+        """Return the mean of reading minus target over the last 8 batches, m (rad for a rotary actuator); NaN
+        before the first 8 batches are complete."""
         return self._mover.there.offset
 
     @property

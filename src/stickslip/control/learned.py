@@ -50,7 +50,7 @@ class Learnt:
             within one. Otherwise call `learn` after each run, and the regulator's `begin` before the next.
 
     Attributes:
-        correction: correction of the target at each tick, m (rad).
+        correction: value added to the target at each tick, m (rad).
         history: rms error of each run or period, m (rad).
 
     Raises:
@@ -86,7 +86,7 @@ class Learnt:
     def step(self, measured: float, target: float, tick: int) -> float:
         """Return the voltage [V] for a measured and a wanted position [m] at a tick, counted from the start
         of the run, and keep the error for learning; with `periodic`, learn at the start of each later
-        period. After the last tick of a motion, its last correction is used."""
+        period. After the last tick of a motion, its last correction is used, and its last error replaced."""
         size = self.correction.size
         at = tick % size if self.periodic else min(tick, size - 1)
         if self.periodic and at == 0 and tick:

@@ -134,8 +134,9 @@ def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
 
 
 def off_by_drifts(times: Sequence[Array], drifts: Sequence[Drift | None]) -> Array:
-    """Return the change of all samples if a subtracted drift were one standard error steeper, as a column for
-    each recording, in the unit of the data, shape (samples of all recordings, recordings).
+    """Return the change of the subtracted drifts at all samples if a slope were one standard error greater, a
+    column for each recording, in the unit of the data, shape (samples of all recordings, recordings). The
+    recordings change by the opposite, their residuals (model minus measured) by the same.
 
     Args:
         times: times of each recording, s.

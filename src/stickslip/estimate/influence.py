@@ -33,9 +33,9 @@ class PriorInfluence(NamedTuple):
         prior: value and standard deviation of the prior, in SI.
         alone: estimate by the recordings alone, in SI.
         together: estimate with the prior, in SI.
-        moved: change of the estimate, in standard deviations of the estimate without the prior.
-        off: distance between the estimate without the prior and the prior, in standard deviations of both
-            together.
+        moved: estimate with the prior minus that without, in standard deviations of the latter.
+        off: estimate without the prior minus the prior's value, in standard deviations of both together.
+            These two are differences of the coordinate q, with sign.
         narrowed: width of the interval with the prior, divided by the width without it.
         open: True if the recordings alone determine the parameter less well than the prior, so that a wrong
             prior is not noticed.

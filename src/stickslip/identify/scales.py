@@ -136,7 +136,7 @@ def moved(fit: Fit, column: Array, known: Mapping[str, float]) -> dict[str, floa
 
     Args:
         fit: fit with its Jacobian.
-        column: change of the residuals, in the unit of the data, shape (n,).
+        column: change of the residuals (model minus measured), in the unit of the data, shape (n,).
         known: given changes of coordinates by the name of the parameter.
     """
     rows, target = tangent(fit), over_noise(fit, column[:, None])[:, 0]

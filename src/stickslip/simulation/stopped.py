@@ -272,7 +272,8 @@ class StoppedRun:
         """Return the time [s] between `t` and `until` at which the position first passes a bound, and the
         bound (-1: `low`, 1: `high`, in m); None if it passes neither.
 
-        The state q, given for the time `t`, is replaced by the state at the time returned."""
+        The state q, given for the time `t`, is replaced by the state at the time returned; unchanged if there
+        is none. If the position is outside from the start, q only gets the velocity 0."""
         x, n = self.of.slider, self.free.states
         within = np.unique(t + (until - t) * 2.0 ** -np.arange(HALVINGS, -1.0, -1.0))
         rows = self._run(plant, q, (t, until), within[within > t])[1]

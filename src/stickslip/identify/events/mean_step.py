@@ -25,7 +25,7 @@ def mean_step(differences: Array, moves: Array) -> tuple[float, float]:
     ratios are weighted by their restricted likelihoods, and the error includes their differences.
 
     Args:
-        differences: distance from each peak to the next, shape (n,), in any unit.
+        differences: each peak minus the previous one, shape (n,), in any unit.
         moves: number of steps in each distance, shape (n,).
 
     Returns:

@@ -53,7 +53,7 @@ class Tabulated(NamedTuple):
 
 class Sums(NamedTuple):
     """Sums over the samples of all recordings, for members (simulations with different values) and nodes
-    (tabulated delays). Sums are NaN for members that cannot be simulated.
+    (tabulated delays). Residuals are simulated minus measured; NaN for members that cannot be simulated.
 
     Attributes:
         products: sums of the products of the residuals at each two nodes, m^2, shape (members, nodes, nodes).
@@ -70,7 +70,7 @@ class Sums(NamedTuple):
 
         Args:
             weights: interpolation weights of each member's delay, shape (members, nodes).
-            offset: offset of each member, m, shape (members,).
+            offset: offset of each member, added to its residuals, m, shape (members,).
         """
         quadratic = np.einsum("mk,mkl,ml->m", weights, self.products, weights)
         return quadratic + offset * (2.0 * np.sum(weights * self.sums, axis=1) + self.size * offset)

@@ -183,8 +183,8 @@ def inherited(
     size = np.linalg.norm(jacobian, axis=0)
 
     def answer(columns: Array) -> Array:
-        """Return the shift of the fitted coordinates [coordinates, k] by changes of the position [samples,
-        k]."""
+        """Return the shift of the fitted coordinates [coordinates, k] by changes [samples, k] of the
+        residuals, simulated minus measured position."""
         columns = np.concatenate([columns, np.zeros((len(held), columns.shape[1]))])
         return -np.linalg.lstsq(jacobian / size, columns, rcond=None)[0] / size[:, None]
 
