@@ -45,7 +45,8 @@ Damping = Annotated[float, Quantity("", "ζ", "damping ratio of the stage", abov
 
 
 def _corners(shapes: Polygons) -> Array:
-    """Return the change of the voltage's slope at each of the k corners of n polygons, V/s, [n, k]."""
+    """Return the slope of the voltage after each of the k corners of n polygons minus that before, V/s,
+    [n, k]."""
     slopes = shapes.slopes()
     return slopes - np.roll(slopes, 1, axis=1)
 

@@ -52,15 +52,16 @@ def friction_response(
         proportional: multiply the force by the normal force; use it for measured normal forces, whose noise
             would renew the contact continually. Otherwise newly loaded area carries no tangential force, and
             unloaded area loses its share in proportion (see `simulation.plant.system`).
-        initial_force: friction force at the first sample, N: all elements start equally deflected so that
-            they carry it, or as much of it as the law can. 0 is a relaxed contact.
+        initial_force: friction force at the first sample, N, with the sign as in the result: all elements
+            start equally deflected so that they carry it, or as much as the law can. 0: a relaxed contact.
         initial_velocity: velocity at the first sample, m/s, for a recording that starts during motion; its
             viscous force is part of `initial_force`.
         tolerance: tolerance of the bristle deflections over the whole motion, m. The error is estimated by a
             second run with smaller steps; if it is larger, the steps are refined.
 
     Returns:
-        Dataset over "time" with position (m), friction_force (N) and the bristle deflections (m).
+        Dataset over "time" with position (m), friction_force (N, positive while the position slides to
+        greater values) and the bristle deflections (m).
         attrs["error_estimate"] (m): error of the deflections, 0 for static laws; if it stays above the
         tolerance, there is a `SimulationWarning`.
 

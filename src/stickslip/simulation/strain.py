@@ -25,7 +25,7 @@ def strained(law: Any, force: float, velocity: float = 0.0) -> NDArray[np.float6
 
     Args:
         law: friction law with internal states.
-        force: force of the contact, N, which includes the viscous friction.
+        force: force of the contact, N, positive for a positive velocity; it includes the viscous friction.
         velocity: sliding velocity, m/s.
     """
     ones = [element_of(law, e) for e in range(elements(law))]

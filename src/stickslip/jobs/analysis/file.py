@@ -29,7 +29,8 @@ OF_SOURCE = {"dataset", "file", "calibration", "rename", "scale_uncertainty", *_
 
 
 class SourceFile(Strict):
-    """Source of data: the path `file`, relative to the input file, or a file of a published `dataset`."""
+    """Source of data: the path `file`, relative to the input file; with `dataset`, the name `file` of a file
+    in this published dataset."""
 
     file: str
     dataset: str | None = None

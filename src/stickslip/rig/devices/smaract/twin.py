@@ -92,8 +92,8 @@ class Mcs2Channel:
         self.flags, self.target = 0, 0.0
 
     def read(self, at: float | None = None) -> float:
-        """Return a noisy sensor reading, m, at the position `at` [m from mid-travel]; None: the present
-        one."""
+        """Return a noisy sensor reading, m from the sensor's zero, at the position `at` [m from mid-travel];
+        None: the present one."""
         at = self.axis.state()[2] if at is None else at
         return at - self._zero + self._noise * float(self._random.standard_normal())
 
