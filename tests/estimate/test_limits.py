@@ -7,6 +7,7 @@ import pytest
 
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
+from stickslip.estimate.problem import FitError, Problem
 from stickslip.estimate.result import Fit
 
 ENDLESS = (0.0, math.inf)
@@ -78,3 +79,19 @@ def test_limits_of_the_user_hold() -> None:
     assert fit.values["c"] == 2.0
     assert fit.confidence_intervals()["c"][1] == 2.0
     assert fit.failures == ("c ended at a bound of the fit",)
+
+
+@pytest.mark.parametrize(
+    ("starts", "said"), [(1, "initial guess c = 3 N: give another"), (4, "c = 3 N, nor at 3 further")]
+)
+def test_an_initial_guess_without_a_model_is_named(starts: int, said: str) -> None:
+    def only_low(values: dict[str, float]) -> np.ndarray:
+        if values["c"] > 1.0:
+            raise ArithmeticError("no model")
+        return values["c"] * TIME
+
+    problem = Problem(only_low, [Parameter("c", 0.9, 0.9, 1000.0, "N", log=False)])
+    with pytest.raises(FitError, match=said):
+        fit_least_squares(problem, initial={"c": 3.0}, starts=starts)
+    with pytest.raises(FitError, match="the initial guess has no value of c"):
+        fit_least_squares(problem, initial={"d": 3.0})

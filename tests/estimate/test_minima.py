@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stickslip.estimate.covariance import Uncertainty
 from stickslip.estimate.fit import fit_least_squares
-from stickslip.estimate.minima import bound
+from stickslip.estimate.minima import Minimum, apart, bound
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Problem
 
@@ -92,3 +93,24 @@ def test_another_order_of_alike_elements_is_no_other_minimum() -> None:
                 low, high = fit.confidence_intervals()[name]
                 assert low <= value <= high
                 assert high - low < 0.5 * value
+
+
+@pytest.mark.parametrize(
+    ("parameter", "near", "far"),
+    [
+        (Parameter("a", 1e-3, 1e-6, 1.0, "N"), 2e-3, 2e-2),
+        (Parameter("a", 2e5, 1e5, 1e7, "N/m"), 3e5, 9e5),
+        (Parameter("a", 0.0, 0.0, 100.0, log=False, square=True), 20.0, 40.0),
+    ],
+)
+def test_minima_in_what_is_not_determined_differ_by_a_share_of_its_range(
+    parameter: Parameter, near: float, far: float
+) -> None:
+    """Share of the range on the scale of the search, a logarithm or a square."""
+
+    def minimum(value: float) -> Minimum:
+        one = np.zeros(1)
+        return Minimum({"a": value}, Uncertainty(np.full((1, 1), np.inf), one.astype(int), one, one), 0.0)
+
+    lower = minimum(parameter.start)
+    assert [apart(minimum(value), lower, [parameter]) for value in (near, far)] == [False, True]

@@ -16,6 +16,7 @@ import pytest
 import stickslip as ss
 from damaged_json import mutated
 from stickslip.estimate.result import Fit
+from stickslip.estimate.saved import packed, unpacked
 
 from .stops import made_loops
 
@@ -132,3 +133,11 @@ def test_files_that_are_too_deep_or_no_mapping_are_refused(text: str, tmp_path: 
     (tmp_path / "no.json").write_text(text, "utf-8")
     with pytest.raises(ss.estimate.FitError, match=r"no\.json"):
         ss.load_fit(tmp_path / "no.json")
+
+
+@pytest.mark.parametrize("values", [np.array([1.0 + 2.0j]), np.array([None]), np.array(["2026"], "M8[Y]")])
+def test_an_array_that_cannot_be_read_back_is_not_written(values: np.ndarray) -> None:
+    with pytest.raises(TypeError, match=f"array of {values.dtype}".replace("[", r"\[")):
+        packed(values)
+    with pytest.raises(TypeError, match="real numbers or texts"):
+        unpacked({"type": "array", "dtype": str(values.dtype), "rows": [1.0]}, {})

@@ -77,8 +77,9 @@ def fit_least_squares(
         each: called after each evaluation with a `SearchState`.
 
     Raises:
-        FitError: see `Problem`; or `starts` is below 1, or above 1 with an infinite bound; or the model
-            cannot be computed next to a point of the search.
+        FitError: see `Problem`; or `initial` lacks a parameter, or the model cannot be computed there; or
+            `starts` is below 1, or above 1 with an infinite bound; or the model cannot be computed next to a
+            point of the search.
     """
     if starts < 1:
         raise FitError(f"starts = {starts} must be at least 1")

@@ -72,7 +72,7 @@ def points(parameter: Parameter) -> Array:
 
 
 def mixture(fits: Sequence[Held]) -> WeightedPoints:
-    """Return the weighted average over fits (`Held`) that are in the order of their fixed coordinates. The
+    """Return the weighted average over one or more fits (`Held`) in the order of their fixed coordinates. The
     weight of a fit is the exponential of its log weight times the distance between the neighbouring fixed
     coordinates."""
     at = np.array([fit.at for fit in fits])
@@ -109,7 +109,8 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         the values by name of the best point: an initial guess for a search of all parameters.
 
     Raises:
-        FitError: the other parameters cannot be fitted at the mean value.
+        FitError: the other parameters cannot be fitted at the point next to the estimate, or at the mean
+            value.
     """
     place = [p.name for p in fit.parameters].index(name)
     p, others = fit.parameters[place], [q for q in fit.parameters if q.name != name]
@@ -197,14 +198,15 @@ class _Path:
 
     def outwards(self) -> None:
         """Fit at the points, from the one next to the estimate outwards on either side, until a fit has
-        negligible weight or fails."""
+        negligible weight or fails. Raises FitError if the first fit fails."""
         at = points(self.parameter)
         middle = int(np.argmin(np.abs(at - self.middle)))
         first = self.add(
             float(at[middle]), self.ahead((self.middle, self.initial), self.tangent, at[middle]), math.nan
         )
         if first is None:
-            return
+            value = self.parameter.shown(self.parameter.value(at[middle]))
+            raise FitError(f"the other parameters cannot be fitted with {self.parameter.name} = {value}")
         for side in (at[middle + 1 :], at[:middle][::-1]):
             last, slope = first, self.tangent
             for here in map(float, side):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -12,9 +13,9 @@ from .covariance import Uncertainty
 from .parameter import Parameter, Values
 from .quantiles import chi_squared
 
-# Two minima are different if a coordinate differs by more than this number of standard errors of the lower
-# minimum.
-APART = 1.0
+# Two minima are different if a coordinate differs by more than APART standard errors of the lower minimum,
+# or, if that standard error is not finite, by more than APART_SHARE of the search range.
+APART, APART_SHARE = 1.0, 0.1
 # Confidence level at which a minimum is rejected: its excess of chi-squared is beyond this quantile.
 LEVEL = 0.95
 
@@ -47,6 +48,26 @@ def still_fits(excess: float, n_parameters: int) -> bool:
     """Return True if a minimum with this excess of chi-squared (in variances of the noise) fits as well as
     the lowest, so that the data do not reject it."""
     return excess <= bound(n_parameters)
+
+
+def apart(one: Minimum, lower: Minimum, parameters: Sequence[Parameter]) -> bool:
+    """Return True if two minima are different, see `APART`.
+
+    Args:
+        one: a minimum.
+        lower: a minimum that fits better, whose standard errors count.
+        parameters: parameters in the order of the uncertainty; those without a value in one of the minima are
+            not compared.
+    """
+    for i, p in enumerate(parameters):
+        if p.name not in one.values or p.name not in lower.values:
+            continue
+        away = abs(p.coordinate(one.values[p.name]) - p.coordinate(lower.values[p.name]))
+        deviation = math.sqrt(max(lower.uncertainty.covariance[i, i], 0.0))
+        span = p.coordinate(p.upper) - p.coordinate(p.lower)
+        if away > (APART * deviation if math.isfinite(deviation) else APART_SHARE * span):
+            return True
+    return False
 
 
 def relabelled(

@@ -176,7 +176,10 @@ class Problem:
 
     def initial_at(self, values: Values) -> np.ndarray:
         """Return the coordinates q [k] of an initial guess, values by name; the search ranges of this problem
-        are extended to contain the values, and values beyond a limit or bound are cut."""
+        are extended to contain the values, and values beyond a limit or bound are cut. Raises FitError if the
+        value of a parameter is missing."""
+        if missing := [p.name for p in self.parameters if p.name not in values]:
+            raise FitError(f"the initial guess has no value of {', '.join(missing)}")
         for place, p in enumerate(self.parameters):
             held = p.starting_at(values[p.name])
             self._set_ends(place, p._replace(lower=held.lower, upper=held.upper))

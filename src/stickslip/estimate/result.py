@@ -25,7 +25,7 @@ from .interval import interval
 from .jitter import Scatter, jitter_of
 from .judgement import DEFAULT, Judgement
 from .lack import KnownNoise, Lack, lacks_of
-from .minima import APART, Minimum, bound, relabelled
+from .minima import Minimum, apart, bound, relabelled
 from .parameter import Parameter, Values
 from .quantiles import reach
 from .shown import as_dict, as_text, preformatted
@@ -230,19 +230,9 @@ class Fit:
         if self.exchangeable:
             others = [relabelled(m, self.parameters, self.values, self.exchangeable) for m in others]
         for other in sorted(others, key=lambda m: m.excess):
-            if all(self._apart(other, known) for known in (own, *kept)):
+            if all(apart(other, known, self.parameters) for known in (own, *kept)):
                 kept.append(other)
         return replace(self, minima=tuple(kept))
-
-    def _apart(self, one: Minimum, other: Minimum) -> bool:
-        for i, p in enumerate(self.parameters):
-            if p.name not in one.values or p.name not in other.values:
-                continue
-            away = abs(p.coordinate(one.values[p.name]) - p.coordinate(other.values[p.name]))
-            deviation = math.sqrt(max(other.uncertainty.covariance[i, i], 0.0) or 0.0)
-            if away > (APART * deviation if math.isfinite(deviation) else 0.1 * (p.upper - p.lower)):
-                return True
-        return False
 
     @property
     def r_squared(self) -> float:

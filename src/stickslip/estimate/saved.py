@@ -47,7 +47,7 @@ def packed(item: Any) -> Any:
     if isinstance(item, np.integer):
         return int(item)
     if isinstance(item, np.ndarray):
-        kind, rows = item.dtype.kind, item.tolist()
+        kind, rows = _kind_of_numbers(item.dtype), item.tolist()
         plain = kind in "biuU" or (kind == "f" and bool(np.isfinite(item).all()))
         return {TYPE: "array", "dtype": str(item.dtype), "rows": rows if plain else packed(rows)}
     if isinstance(item, np.bool_):
@@ -113,15 +113,21 @@ def unpacked(item: Any, types: Mapping[str, type]) -> Any:
 
 
 def _array(item: dict[str, Any]) -> Any:
-    """Return the array of numbers or texts in a dictionary with the keys "dtype" and "rows".
+    """Return the array of real numbers or texts in a dictionary with the keys "dtype" and "rows".
 
     The width of a text array comes from its longest text, because the width that the content states could
     demand any amount of memory. Raises TypeError for other kinds of arrays.
     """
-    kind = np.dtype(str(item["dtype"]))
-    if kind.kind not in "biufcU":
-        raise TypeError(f"an array of {kind} is not one of numbers or texts")
-    return np.array(_rows(item["rows"]), dtype=str if kind.kind == "U" else kind)
+    dtype = np.dtype(str(item["dtype"]))
+    return np.array(_rows(item["rows"]), dtype=str if _kind_of_numbers(dtype) == "U" else dtype)
+
+
+def _kind_of_numbers(dtype: np.dtype[Any]) -> str:
+    """Return NumPy's letter for the kind of an array's items; raises TypeError unless they are real numbers
+    or texts."""
+    if dtype.kind not in "biufU":
+        raise TypeError(f"an array of {dtype} is not one of real numbers or texts")
+    return dtype.kind
 
 
 def _method(owner: Any, name: Any) -> Any:

@@ -100,7 +100,11 @@ class SearchResults:
     def run(self) -> None:
         """Search from all initial guesses at which the model can be computed, then hop from the best end up
         to `hops` times, and add the ends to `ends`. Hopping ends when it finds no lower minimum, when only
-        white noise is left, or when the budget is spent."""
+        white noise is left, or when the budget is spent.
+
+        Raises:
+            FitError: the model cannot be computed at any initial guess.
+        """
         problem, options = self.problem, self.options
         first = problem.start
         if options.initial is not None:
@@ -109,6 +113,12 @@ class SearchResults:
         for number, q in enumerate(guesses, start=1):
             if np.all(np.isfinite(problem.residuals(q))):
                 self.ends.append(self.search(number, q, options.max_evaluations))
+        if not self.ends:
+            others = f", nor at {len(guesses) - 1} further guesses" if len(guesses) > 1 else ""
+            raise FitError(
+                f"the residuals cannot be computed at the initial guess {problem.shown(first)}{others}: give "
+                "another guess"
+            )
         for hop in range(options.hops):
             best = self.best
             if problem.budget is not None and problem.budget.over:

@@ -88,6 +88,15 @@ def test_where_there_is_no_model_is_left_out() -> None:
     assert 0.7 < fit.values["b"] < 1.2
 
 
+def test_it_is_said_where_the_others_cannot_be_fitted_at_all() -> None:
+    def fails(b: float, begin: dict[str, float]):
+        raise FitError("no model")
+
+    free = [Parameter("a", 0.0, -50.0, 50.0, log=False), Parameter("b", 0.5, 0.0, 3.0, "V", log=False)]
+    with pytest.raises(FitError, match=r"the other parameters cannot be fitted with b = 0\.\d+ V"):
+        integrated(fit_least_squares(bent, free), "b", fails)
+
+
 def test_a_second_valley_is_left_from_where_it_ends() -> None:
     """Where b is below 2, `a` has a valley at -1 that is no answer; the search begins in it."""
 
