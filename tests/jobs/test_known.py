@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 
@@ -32,6 +33,9 @@ def test_all_kinds_with_a_line_each() -> None:
             assert len(line) > 10, name
             assert "\n" not in line
             assert not line.startswith(f"{name}("), "a named tuple's own docstring says nothing"
+            if kind in ("laws", "piezo models", "waveforms", "sensors", "readers", "rigs"):
+                assert line.endswith((".", ")")), f"{name}: {line!r} is no whole sentence"
+                assert ". " not in re.sub(r"\b(eq|fig)\. ", "", line), f"{name}: more than a sentence"
 
 
 def test_every_public_waveform_is_there() -> None:

@@ -161,7 +161,7 @@ def _made_by(kind: str, spec: Any, number: int, cells: list[str]) -> Iterator[st
     """
     also = [EXPORTS[one].ending for one in spec.save_as] if isinstance(spec, ExperimentFile) else []
     yield from (f"recordings/{name}{end}" for name in cells for end in (".nc", *also))
-    yield from registry.steps.find(kind).makes(spec, number)
+    yield from registry.steps.find(kind).makes(number)
 
 
 def _absolute(path: Path) -> str:

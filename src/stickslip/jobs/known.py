@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 
 from ..design.data_sheet import available_data_sheets, load_data_sheet
@@ -65,6 +66,13 @@ def _line(kind: registry.Kind, name: str) -> str:
     except registry.RegistryError as error:  # the name is known, but its file fails to load
         return str(error)
     found = getattr(found, "read", found)  # a file format is described by its function `read`
-    said, place = (found.__doc__ or "").strip().split("\n")[0], registry.origin(found)
+    said, place = _first_sentence(found.__doc__ or ""), registry.origin(found)
     said = "" if said.startswith(f"{name}(") else said
     return f"{said} ({place})".strip() if place else said
+
+
+def _first_sentence(docstring: str) -> str:
+    """Return the first sentence of a docstring as one line. A full stop ends it only before a capital letter
+    or at the end of the paragraph, because "fig. 3.7" and "e.g." have one too."""
+    paragraph = " ".join(docstring.strip().partition("\n\n")[0].split())
+    return re.split(r"(?<=\.) (?=[`A-Z])", paragraph, maxsplit=1)[0]

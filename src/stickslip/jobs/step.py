@@ -64,8 +64,8 @@ class StepKind(NamedTuple):
         run: takes the record of the content and the running job; returns the report of the step.
         lacks: takes the record and the kinds of earlier steps; returns a text that says which earlier step is
             missing, "" if none is.
-        makes: takes the record and the number of the step in the job; returns the files that a later step can
-            name, relative to the output folder.
+        makes: takes the number of the step in the job; returns the files that a later step can name, relative
+            to the output folder.
         reads: takes the plain content; returns its record. Only needed if validation by the schema is not
             enough.
     """
@@ -73,7 +73,7 @@ class StepKind(NamedTuple):
     schema: Any
     run: Callable[[Any, JobRun], Document]
     lacks: Callable[[Any, Collection[str]], str] = lambda spec, before: ""
-    makes: Callable[[Any, int], Iterable[str]] = lambda spec, number: ()
+    makes: Callable[[int], Iterable[str]] = lambda number: ()
     reads: Callable[[dict[str, Any]], Any] | None = None
 
     @property

@@ -49,7 +49,7 @@ def _run(spec: Any, job: JobRun) -> Document:
         document = campaign_of(spec, job.folder, job.out, job.progress, job.experiment, figures=job.figures)
     else:
         document = run_analysis(spec, job.folder, job.progress)
-    job.results = job.out.absolute() / _results(spec, job.number)[0]
+    job.results = job.out.absolute() / _results(job.number)[0]
     job.results.parent.mkdir(parents=True, exist_ok=True)
     with replaced_whole(job.results) as temporary:
         temporary.write_text(results_json(document, circumstances()), encoding="utf-8")
@@ -63,8 +63,7 @@ def _lacks(spec: Any, before: Collection[str]) -> str:
     return "recordings: 'cells', and nothing is recorded before it"
 
 
-def _results(spec: Any, number: int) -> list[str]:
-    del spec
+def _results(number: int) -> list[str]:
     return [f"steps/{number}_identify.json"]
 
 

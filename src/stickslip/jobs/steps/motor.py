@@ -13,4 +13,4 @@ def _run(spec: StepsFile, job: JobRun) -> Document:
 
 
 _MADE = ["step_law/steps.json", "step_law/bursts.csv"]
-registry.steps.add(StepKind(StepsFile, _run, makes=lambda spec, number: _MADE), "steps", _run)
+registry.steps.add(StepKind(StepsFile, _run, makes=lambda number: _MADE), "steps", _run)

@@ -12,4 +12,4 @@ def _run(spec: MoveFile, job: JobRun) -> Document:
     return run_move(spec, job.folder, job.room("move"), job.progress)
 
 
-registry.steps.add(StepKind(MoveFile, _run, makes=lambda spec, number: ["move/move.nc"]), "move", _run)
+registry.steps.add(StepKind(MoveFile, _run, makes=lambda number: ["move/move.nc"]), "move", _run)
