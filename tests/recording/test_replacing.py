@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -52,3 +54,25 @@ def test_leftovers_of_dead_processes_go_and_those_of_living_ones_stay(tmp_path: 
         (tmp_path / name).touch()
     assert remove_leftovers(tmp_path) == len(names)
     assert {f.name for f in tmp_path.iterdir()} == set(stays)
+
+
+def test_writers_in_one_process_keep_their_files(tmp_path: Path) -> None:
+    """Two threads write one target, and a third cleans the folder."""
+    target, cleaned = tmp_path / "a.txt", threading.Barrier(3, timeout=30)
+
+    def write(text: str) -> None:
+        with replaced_whole(target) as temporary:
+            temporary.write_text(text)
+            cleaned.wait()
+            cleaned.wait()
+            assert temporary.read_text() == text
+
+    with ThreadPoolExecutor() as threads:
+        written = [threads.submit(write, text) for text in ("one", "other")]
+        cleaned.wait()
+        assert remove_leftovers(tmp_path) == 0
+        cleaned.wait()
+        for one in written:
+            one.result()
+    assert target.read_text() in ("one", "other")
+    assert list(tmp_path.iterdir()) == [target]

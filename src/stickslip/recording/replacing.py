@@ -3,7 +3,9 @@ small JSON files, and a bin for deleted files."""
 
 from __future__ import annotations
 
+import itertools
 import os
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,16 +14,19 @@ from typing import Any
 from ..gate.text import load_json, read_file
 
 BIN = ".bin"
+# Mark of this process in temporary names: an earlier process with the same number had another mark.
+_MARK = uuid.uuid4().hex[:8]
+_COUNT = itertools.count()
 
 
 def part_of(target: Path) -> Path:
-    """Return the temporary path, in the same folder, of a file that will replace the target:
-    ".NAME.PROCESS.part".
+    """Return a new temporary path, in the same folder, of a file that will replace the target:
+    ".NAME.MARK-COUNT.PROCESS.part".
 
-    Each process has its own path, which contains the process number. `remove_leftovers` removes the files of
-    killed processes.
+    Each call returns another path, so that several threads and processes may write the same target. From the
+    process number, `remove_leftovers` finds the files of killed processes.
     """
-    return target.with_name(f".{target.name}.{os.getpid()}.part")
+    return target.with_name(f".{target.name}.{_MARK}-{next(_COUNT)}.{os.getpid()}.part")
 
 
 @contextmanager
@@ -85,22 +90,25 @@ def to_bin(folder: Path, name: str) -> Path:
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove from a folder the temporary files (``.part``) of processes that no longer exist, and of this
-    process; return their number."""
+    """Remove from a folder the temporary files (``.part``) of processes that no longer exist; return their
+    number."""
     gone = 0
     for path in folder.glob(".*.part"):
-        process = path.name.split(".")[-2]
-        if process.isdecimal() and not is_running(int(process)):
+        *_, mark, process, _ = path.name.split(".")
+        if process.isdecimal() and not _is_running(int(process), mark):
             path.unlink(missing_ok=True)
             gone += 1
     return gone
 
 
-def is_running(process: int) -> bool:
-    """Return True if a process with the number `process` exists and is not the calling process."""
-    if process in (0, os.getpid()):
-        # A file with this process's own number remains from an earlier process with the same number.
+def _is_running(process: int, mark: str) -> bool:
+    """Return True if the process that made a temporary file exists; `process` and `mark` are the parts of the
+    file's name."""
+    if process == 0:
         return False
+    if process == os.getpid():
+        # Without the mark, the file remains from an earlier process with the same number.
+        return mark.startswith(_MARK)
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
