@@ -42,6 +42,22 @@ def test_arrays_with_units_in_groups(tmp_path: Path) -> None:
     np.testing.assert_allclose(same["position"], VOLTS[10:20] ** 2 * 1e-9)
 
 
+def test_complex_arrays_have_the_clock_of_their_group(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"], file["lock_in"] = TIME, VOLTS * (1 + 2j)
+        file["time"].attrs["units"] = "s"
+    found = read_recording(
+        tmp_path / "a.h5", {"x": "imag(lock_in)", "y": "real(lock_in)"}, {"x": "V", "y": "V"}
+    )
+    np.testing.assert_array_equal(found["time"], TIME)
+    np.testing.assert_allclose(found["x"], 2 * VOLTS)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        del file["time"]
+        file["time"] = TIME + 0j
+    columns = [one["name"] for one in inspect_file(tmp_path / "a.h5").columns]
+    assert columns == ["real(lock_in)", "imag(lock_in)", "real(time)", "imag(time)"]
+
+
 def test_netcdf_of_another_program(tmp_path: Path) -> None:
     """Packed as integers with scale, offset and a missing value."""
     data = xr.Dataset({"drive": ("time", VOLTS, {"units": "V"})}, {"time": ("time", TIME, {"units": "s"})})

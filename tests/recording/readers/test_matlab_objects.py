@@ -41,7 +41,7 @@ def file(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """A timetable, a slower one in a structure, a table of numbers, a string, a date, and plain arrays."""
     dates = pd.date_range("2020-02-20T10:00", periods=COUNT, freq="1ms").rename("Time")
     variables = {
-        "tt": _frame(_spans(), drive=VOLTS, position=MICRONS),
+        "tt": _frame(_spans(), drive=VOLTS, position=MICRONS, lock_in=VOLTS * (1 + 2j)),
         "run": {
             "slow": _frame(_spans(4 * STEP, 101), temperature=20.0 + np.arange(101.0)),
             "gain": np.eye(1),
@@ -60,6 +60,9 @@ def test_objects_are_read_by_mat_io(file: Path) -> None:
     found = read_recording(file, columns, {"drive_voltage": "V", "end_effector_position": "um"})
     np.testing.assert_allclose(found["time"], STEP * np.arange(COUNT), atol=1e-12)
     np.testing.assert_allclose(found["end_effector_position"], MICRONS * 1e-6)
+    imaginary = read_recording(file, {"x": "imag(tt.lock_in)"}, {"x": "V"})
+    np.testing.assert_allclose(imaginary["time"], found["time"])
+    np.testing.assert_allclose(imaginary["x"], 2 * VOLTS)
     slow = read_recording(file, {"temperature": "run.slow.temperature"}, {"temperature": "1"})
     np.testing.assert_allclose(slow["time"], 4 * STEP * np.arange(101), atol=1e-12)
     by_column = read_recording(file, {"time": "tab.t", "force": "tab.force"}, {"time": "s", "force": "N"})

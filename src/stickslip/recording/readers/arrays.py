@@ -17,7 +17,8 @@ from .source import FileChannel, FileContent, Rows
 
 class Leaf(NamedTuple):
     """An array in a file. Its function `load`, without arguments, reads the array when needed; `shape` is
-    known before. `of_complex` is True for complex numbers."""
+    known before. `of_complex` is True for complex numbers. `clock` is the name of the array with the times of
+    its samples; "" if it is unknown."""
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]
@@ -28,6 +29,7 @@ class Leaf(NamedTuple):
     # Function that reads only a slice along one axis, if the format allows this: it takes the axis and the
     # slice, and returns the array. None: only the whole array can be read.
     load_part: Callable[[int, slice], np.ndarray] | None = None
+    clock: str = ""
 
 
 def total_bytes(leaves: Iterable[Leaf]) -> int:
@@ -71,6 +73,13 @@ def array_parts(leaves: Mapping[str, Leaf]) -> list[ArrayChannel]:
         alone = max(others, default=1) == 1
         found += [ArrayChannel(name, axis, index, alone) for index in np.ndindex(*others)]
     return found
+
+
+def clock_places(leaves: Mapping[str, Leaf], parts: Sequence[ArrayChannel]) -> list[int | None]:
+    """Return the index of the time channel of each channel in `parts`; None if its array in `leaves` has no
+    `clock`."""
+    first = {part.array: i for i, part in reversed(list(enumerate(parts)))}
+    return [first.get(leaves[part.array].clock) for part in parts]
 
 
 def real_leaves(leaves: Mapping[str, Leaf]) -> dict[str, Leaf]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...gate.limits import check_size
 from .. import RecordingError
-from .arrays import Leaf, array_parts, array_source, real_leaves, subscripted, total_bytes
+from .arrays import Leaf, array_parts, array_source, clock_places, real_leaves, subscripted, total_bytes
 from .signatures import HDF5_SIGNATURE
 from .source import FileChannel, FileContent, add_format, is_clock
 
@@ -62,17 +62,12 @@ def read_hdf5(path: Path) -> FileContent:
             f"the HDF5 file holds no arrays of real numbers{records}: in Python, read it by h5py, and save "
             "the columns by numpy.savez"
         )
-    leaves = real_leaves({name: _leaf(path, one) for name, one in found.items()})
+    leaves = real_leaves({name: _leaf(path, one, _clock(one, found)) for name, one in found.items()})
     check_size(path, total_bytes(leaves.values()))
     parts = array_parts(leaves)
-    labels = [subscripted(part) for part in parts]
-    clocks = _clocks(found, [part.array for part in parts])
     channels = [
-        (
-            part,
-            FileChannel(label, leaves[part.array].unit, (part.array, *part.others), clocks.get(part.array)),
-        )
-        for part, label in zip(parts, labels, strict=True)
+        (part, FileChannel(subscripted(part), leaves[part.array].unit, (part.array, *part.others), clock))
+        for part, clock in zip(parts, clock_places(leaves, parts), strict=True)
     ]
     return array_source("hdf5", leaves, channels)
 
@@ -106,7 +101,7 @@ def _number(value: Any, default: float) -> float:
     return float(value) if real else default
 
 
-def _leaf(path: Path, signal: _Signal) -> Leaf:
+def _leaf(path: Path, signal: _Signal, clock: str) -> Leaf:
     from ...gate.hdf5 import read_hdf5_array
 
     def load(axis: int = 0, part: slice = slice(None)) -> np.ndarray:
@@ -116,28 +111,25 @@ def _leaf(path: Path, signal: _Signal) -> Leaf:
         absent = np.isin(values, signal.missing)
         return np.where(absent, np.nan, values * signal.scale + signal.offset)
 
-    return Leaf(signal.array.shape, load, signal.array.kind == "c", signal.unit, load_part=load)
+    array = signal.array
+    return Leaf(array.shape, load, array.kind == "c", signal.unit, load_part=load, clock=clock)
 
 
-def _clocks(found: dict[str, _Signal], order: list[str]) -> dict[str, int | None]:
-    """Return the index of the time channel of each array, by the array's name, in `order` (the array names of
-    the channels).
+def _clock(signal: _Signal, found: dict[str, _Signal]) -> str:
+    """Return the name of the array with the times of a signal; "" if there are several or none.
 
-    The time channel is the only one-dimensional array in the same group that has the name of a time (see
-    `is_clock`) and the same length. If there are several or none, the index is None. `found` are the arrays
-    by name.
+    It is a one-dimensional array of real numbers in the same group that has the name of a time (see
+    `is_clock`) and the same length. `found` are all arrays by name.
     """
-    clocks: dict[str, int | None] = {}
-    for name, one in found.items():
-        times = [
-            other
-            for other, signal in found.items()
-            if signal.group == one.group
-            and is_clock(FileChannel(other, signal.unit))
-            and signal.array.shape == (max(one.array.shape),)
-        ]
-        clocks[name] = order.index(times[0]) if len(times) == 1 else None
-    return clocks
+    times = [
+        name
+        for name, one in found.items()
+        if one.group == signal.group
+        and one.array.kind != "c"
+        and is_clock(FileChannel(name, one.unit))
+        and one.array.shape == (max(signal.array.shape),)
+    ]
+    return times[0] if len(times) == 1 else ""
 
 
 def _is_hdf5(head: bytes, ending: str) -> bool:

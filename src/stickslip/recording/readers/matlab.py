@@ -21,7 +21,7 @@ from ...gate.limits import Visits, check_size
 from ...gate.matlab5 import check_matlab5, check_subsystem
 from .. import RecordingError
 from . import dspace
-from .arrays import ArrayChannel, Leaf, array_parts, array_source, real_leaves, total_bytes
+from .arrays import ArrayChannel, Leaf, array_parts, array_source, clock_places, real_leaves, total_bytes
 from .matlab_objects import FUNCTION, MatlabTable, Opaque, holds_objects, not_read, read_objects, shown
 from .signatures import HDF5_SIGNATURE
 from .source import FileChannel, FileContent, add_format
@@ -68,15 +68,13 @@ def read_matlab(path: Path) -> FileContent:
 
 def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[ArrayChannel, FileChannel]]]:
     leaves: dict[str, Leaf] = {}
-    clocks: dict[str, str] = {}
     objects: dict[str, str] = {}
-    _collect("", tree, leaves, clocks, objects)
+    _collect("", tree, leaves, objects)
     leaves = real_leaves(leaves)
     parts = array_parts(leaves)
     if not parts:
         unread = next((f": {not_read(name, of)}" for name, of in objects.items()), "")
         raise RecordingError(f"the MAT file holds no arrays of real numbers{unread}")
-    first = {part.array: i for i, part in reversed(list(enumerate(parts)))}
     channels = [
         (
             part,
@@ -84,39 +82,36 @@ def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[ArrayChann
                 matlab_name(part),
                 leaves[part.array].unit,
                 (part.array, *part.others),
-                first.get(clocks.get(part.array, "")),
+                clock,
                 epoch=leaves[part.array].epoch,
             ),
         )
-        for part in parts
+        for part, clock in zip(parts, clock_places(leaves, parts), strict=True)
     ]
     for name, of in objects.items():
         channels.append((parts[0], FileChannel(name, numeric=False, header=shown(name, of))))
     return leaves, channels
 
 
-def _collect(
-    prefix: str, node: Any, leaves: dict[str, Leaf], clocks: dict[str, str], objects: dict[str, str]
-) -> None:
-    """Collect the arrays in a part `node` of the tree into the three dictionaries.
+def _collect(prefix: str, node: Any, leaves: dict[str, Leaf], objects: dict[str, str]) -> None:
+    """Collect the arrays in a part `node` of the tree into the two dictionaries.
 
     Args:
         prefix: name of the part; "" for the whole tree.
         node: part of the tree.
-        leaves: gets the arrays by name.
-        clocks: gets the name of the array with the times of each column of a timetable, by the column's name.
+        leaves: gets the arrays by name; columns of a timetable get its times as their `clock`.
         objects: gets the MATLAB class of each object that cannot be read, by name.
     """
     if isinstance(node, MatlabTable):
-        for name in node.columns:
-            clocks[f"{prefix}.{name}"] = f"{prefix}.{node.time}"
-        node = node.columns
+        time = f"{prefix}.{node.time}"
+        columns = node.columns.items()
+        node = {name: one._replace(clock=time) if isinstance(one, Leaf) else one for name, one in columns}
     if isinstance(node, dict):
         for name, value in node.items():
-            _collect(f"{prefix}.{name}" if prefix else name, value, leaves, clocks, objects)
+            _collect(f"{prefix}.{name}" if prefix else name, value, leaves, objects)
     elif isinstance(node, list):
         for i, value in enumerate(node):
-            _collect(f"{prefix}({i + 1})", value, leaves, clocks, objects)
+            _collect(f"{prefix}({i + 1})", value, leaves, objects)
     elif isinstance(node, Opaque):
         objects[prefix] = node.of
     # A single number is a setting, not a signal.
