@@ -21,7 +21,8 @@ from ..gate.results import json_attribute
 from .calibration.polynomial import Calibration, CalibrationError
 from .calibration.storage import from_text
 from .replacing import replaced_whole
-from .schema import RecordingError, storable_attributes, validate_recording, with_schema
+from .schema import RecordingError, validate_recording, with_schema
+from .storage import storable_attributes
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -71,6 +71,16 @@ def fits_name(name: str, unit: str) -> bool:
     return standard is None or unit in (standard.unit, ANGLE.unit(standard.unit))
 
 
+def usual_long_name(name: str, unit: str) -> str:
+    """Return the descriptive name of a variable for which the user gives none: that of the standard name, or
+    the name without underscores."""
+    standard = STANDARD_NAMES.get(name)
+    if standard is None:
+        return name.replace("_", " ")
+    # A standard variable in another unit is that of a rotary body: an angle or a torque.
+    return standard.long_name if unit == standard.unit else ANGLE.name(standard.long_name)
+
+
 @functools.cache
 def meant_name(name: str) -> str:
     """Return the standard name (or "time") of which a name is probably a misspelling; "" if it is similar to
@@ -163,12 +173,7 @@ def make_recording(
             raise RecordingError("'time' is the name of the time axis, not of a variable")
         _warn_of_misspelling(str(name))
         array, unit = _in_si(str(name), *_with_unit(value))
-        standard = STANDARD_NAMES.get(name)
-        own = standard.long_name if standard else str(name).replace("_", " ")
-        # A standard variable in another unit is that of a rotary body: an angle or a torque.
-        if standard and unit != standard.unit:
-            own = ANGLE.name(own)
-        long_name = long_names.get(name) or own
+        long_name = long_names.get(name) or usual_long_name(str(name), unit)
         if array.shape != time.shape:
             raise RecordingError(f"{name} has the shape {array.shape}, but time has {time.shape}")
         data[name] = _over_time(array)
@@ -375,26 +380,3 @@ def _check_finite(name: str, unit: str, values: np.ndarray) -> None:
     finite = np.isfinite(values)
     if not finite.all():
         raise RecordingError(f"{name} [{unit}] is not finite at sample {int(np.argmin(finite))}")
-
-
-def storable_attributes(attrs: Mapping[Any, Any], of: str = "") -> dict[str, Any]:
-    """Return the attributes in types that HDF5 can store; booleans become 0 or 1. `of` is a prefix of the
-    attributes' names in messages.
-
-    Raises:
-        RecordingError: an attribute is neither text nor a number, or contains characters that cannot be
-            stored.
-    """
-    return {str(name): _storable(f"{of}{name}", value) for name, value in attrs.items()}
-
-
-def _storable(name: str, value: object) -> object:
-    if isinstance(value, bool | np.bool_):
-        return int(value)
-    if isinstance(value, str):
-        if "\0" in value or any("\ud800" <= sign <= "\udfff" for sign in value):
-            raise RecordingError(f"the attribute {name} = {value!r} holds characters that cannot be stored")
-        return value
-    if isinstance(value, int | float | np.integer | np.floating):
-        return value
-    raise RecordingError(f"the attribute {name} is a {type(value).__name__}; text and numbers can be stored")

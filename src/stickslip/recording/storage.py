@@ -4,12 +4,15 @@ files."""
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..gate.errors import GateError
 from .replacing import replaced_whole
-from .schema import RecordingError, storable_attributes, validate_recording, with_schema
+from .schema import RecordingError, validate_recording, with_schema
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -86,3 +89,26 @@ def _stored(path: Path) -> xr.Dataset:
     coordinates = {name: one for name, one in whole.items() if one[0] == (name,)}
     data = {name: one for name, one in whole.items() if name not in coordinates}
     return xr.Dataset(data, coordinates, found.attributes)
+
+
+def storable_attributes(attrs: Mapping[Any, Any], of: str = "") -> dict[str, Any]:
+    """Return the attributes in types that HDF5 can store; booleans become 0 or 1. `of` is a prefix of the
+    attributes' names in messages.
+
+    Raises:
+        RecordingError: an attribute is neither text nor a number, or contains characters that cannot be
+            stored.
+    """
+    return {str(name): _storable(f"{of}{name}", value) for name, value in attrs.items()}
+
+
+def _storable(name: str, value: object) -> object:
+    if isinstance(value, bool | np.bool_):
+        return int(value)
+    if isinstance(value, str):
+        if "\0" in value or any("\ud800" <= sign <= "\udfff" for sign in value):
+            raise RecordingError(f"the attribute {name} = {value!r} holds characters that cannot be stored")
+        return value
+    if isinstance(value, int | float | np.integer | np.floating):
+        return value
+    raise RecordingError(f"the attribute {name} is a {type(value).__name__}; text and numbers can be stored")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,30 @@ def test_a_calibrated_sensor_takes_a_standard_name() -> None:
         apply_calibration(bare, {"sensor": CHAIN}, {"sensor": "force"})
     with pytest.raises(CalibrationError, match="not calibrated"):
         apply_calibration(bare, {"sensor": CHAIN}, {"nose": "force"})
+
+
+def test_a_calibrated_angle_has_the_name_of_an_angle() -> None:
+    to_angle = fit_calibration([0.0, 1.0, 2.0], [0.0, 1e-3, 2e-3], 1, x_unit="m", y_unit="rad")
+    read = make_recording(
+        [0.0, 1.0, 2.0], {"read": ([0.0, 1.0, 2.0], "m"), "position": ([0.0, 1.0, 2.0], "m")}
+    )
+    applied = apply_calibration(read, {"read": to_angle, "position": to_angle}, {"read": "displacement"})
+    assert [one.attrs["long_name"] for one in applied.data_vars.values()] == ["angle", "rotation"]
+    read["position"].attrs["long_name"] = "knob"
+    assert apply_calibration(read, {"position": to_angle})["position"].attrs["long_name"] == "knob"
+
+
+def test_what_cannot_be_saved_is_said(tmp_path: Path) -> None:
+    flat = fit_calibration([0.0, 1.0, 2.0, 3.0], np.zeros(4), 1, name="flat")
+    turning = replace(flat, scale_uncertainty=np.inf)
+    for made, said in (
+        (flat, "its slope is 0 at a reading within its range, 0 to 3 V; fit a lower order"),
+        (turning, "its slope is 0 at a reading"),
+        (replace(flat, scale_uncertainty=0.1, max_error=np.inf), "a number is not finite"),
+    ):
+        with pytest.raises(CalibrationError, match=f"'flat' cannot be saved: {said}"):
+            save_calibration(made, tmp_path / "a.json")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_identification_file_names_calibrations(tmp_path: Path) -> None:

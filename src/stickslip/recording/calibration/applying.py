@@ -21,6 +21,7 @@ from .. import (
     fits_name,
     validate_recording,
 )
+from ..schema import usual_long_name
 from .polynomial import Calibration, CalibrationError
 from .storage import load_calibration, to_text
 
@@ -94,17 +95,20 @@ def apply_calibration(
         except CalibrationError as error:
             raise CalibrationError(f"{name}: {error}") from None
         new = (rename or {}).get(name, name)
-        standard = STANDARD_NAMES.get(new)
-        if standard is not None and not fits_name(new, loaded[-1].y_unit):
-            raise CalibrationError(f"{new} is a quantity in {standard.unit}, not {loaded[-1].y_unit}")
+        unit = loaded[-1].y_unit
+        if not fits_name(new, unit):
+            raise CalibrationError(f"{new} is a quantity in {STANDARD_NAMES[new].unit}, not {unit}")
         values = recording[name].values
         for calibration in loaded:
             _warn_beyond(name, calibration, values)
             values = calibration(values)
-        attrs = {**recording[name].attrs, "units": loaded[-1].y_unit}
+        before = recording[name].attrs
+        attrs = {**before, "units": unit}
         attrs |= scale_attribute(loaded, attrs.pop(SCALE_UNCERTAINTY, 0.0))
+        # A long name that the user has given stays with the variable's name.
+        if new != name or before.get("long_name") == usual_long_name(name, before["units"]):
+            attrs["long_name"] = usual_long_name(new, unit)
         if new != name:
-            attrs["long_name"] = standard.long_name if standard else new.replace("_", " ")
             made = made.drop_vars(name)
         made[new] = ("time", values, attrs)
         applied[new] = [to_text(calibration) for calibration in loaded]

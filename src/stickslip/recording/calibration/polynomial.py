@@ -190,7 +190,8 @@ def fit_calibration(
 
 def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, high: float) -> float:
     """Return the relative standard uncertainty of the slope of a polynomial (coefficients, lowest power
-    first, and their covariance): root mean square over the range from `low` to `high`."""
+    first, and their covariance): root mean square over the range from `low` to `high`; infinite or NaN if the
+    slope is 0 there."""
     x, powers = np.linspace(low, high, 201), np.arange(1, len(coefficients))
     # x is divided by its largest value as in `prediction_band`, because powers of x differ by decades.
     scale = max(abs(low), abs(high), 1e-300)
@@ -199,7 +200,7 @@ def _of_slope(coefficients: Sequence[float], covariance: ArrayLike, low: float, 
     rows[:, 1:] = powers * np.power.outer(x / scale, powers - 1)
     slopes = rows @ (np.asarray(coefficients) * units)
     variance = np.einsum("ni,ij,nj->n", rows, np.asarray(covariance) * np.outer(units, units), rows)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         return float(np.sqrt(np.mean(np.maximum(variance, 0.0) / slopes**2)))
 
 

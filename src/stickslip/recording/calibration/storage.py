@@ -56,7 +56,7 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
     """Write a calibration to a ``.json`` file and return the path; the file is replaced as a whole.
 
     Raises:
-        CalibrationError: the name does not end in ``.json``.
+        CalibrationError: the name does not end in ``.json``, or see `to_text`.
         OSError: the file cannot be written.
     """
     target = Path(path)
@@ -69,9 +69,23 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 
 def to_text(calibration: Calibration, indent: int | None = None) -> str:
     """Return the calibration as JSON text, with line breaks and this indent (number of blanks) unless
-    `indent` is None."""
-    content = {"kind": _KIND, **asdict(calibration)}
-    return json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
+    `indent` is None.
+
+    Raises:
+        CalibrationError: a number of the calibration is not finite, as the scale uncertainty of a polynomial
+            with the slope 0 in its range.
+    """
+    content, name = {"kind": _KIND, **asdict(calibration)}, calibration.name
+    if not math.isfinite(calibration.scale_uncertainty or 0.0):
+        raise CalibrationError(
+            f"the calibration {name!r} cannot be saved: its slope is 0 at a reading within its range, "
+            f"{calibration.low:.4g} to {calibration.high:.4g} {calibration.x_unit}; fit a lower order or a "
+            "smaller range"
+        )
+    try:
+        return json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
+    except ValueError:
+        raise CalibrationError(f"the calibration {name!r} cannot be saved: a number is not finite") from None
 
 
 def from_text(text: str) -> Calibration:
