@@ -77,9 +77,10 @@ def energy_account(
     """Return the energy account by name, as pairs of an array [times] and its unit J.
 
     The names are drive_work, stage_dissipation, friction_work, external_work (from the start of the account),
-    kinetic_energy, elastic_energy, and energy_defect. The defect is the work put in, minus dissipation,
-    friction work and the change of the stored energy: 0 for an exact solution. If the model drops the
-    reaction of the friction on the stage, the contact's work on the stage does not appear in the balance.
+    kinetic_energy, elastic_energy, and energy_defect. The defect is the work put in by drive and external
+    force, minus dissipation, work lost to friction and the change of the stored energy: 0 for an exact
+    solution. If the model drops the reaction of the friction on the stage, the contact's work on the stage
+    does not appear in the balance.
 
     Args:
         model: actuator whose stage has one mode, without a `MaxwellCapacitor`.

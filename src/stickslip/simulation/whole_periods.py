@@ -13,7 +13,7 @@ _AT_THE_END = 1e-6
 
 
 def whole_periods(time: np.ndarray, position: np.ndarray, waveform: Waveform) -> tuple[int, float] | None:
-    """Return a number of periods, and the displacement in them: the difference between two positions at the
+    """Return a number of periods, and the displacement in them: a later position minus an earlier one at the
     same phase of the drive.
 
     The drive has the same phase at both times, so elastic deflection does not count. The times are the ends

@@ -344,7 +344,7 @@ def position_slopes(motions: Sequence[Displacement], fit: Fit, names: Sequence[s
 
 def _difference(motion: Displacement, model: Actuator, delay: float, name: str) -> Array:
     """Return the derivative of the simulated position `motion`, at this delay [s], by the named value of the
-    model, SI, shape (samples,), as a central difference, for models without exact derivatives."""
+    model (not 0), SI, shape (samples,), as a central difference, for models without exact derivatives."""
     value, _ = value_of(model, name)
     sides = [
         motion.position(with_values(model, {name: value * (1.0 + h)}), delay)
