@@ -219,9 +219,9 @@ def _asymmetry(walks: list[dict[str, float]]) -> float:
 
 
 def _spectrum(t: Array, x: Array, slips: SlipEvents) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return frequencies [Hz] and amplitudes [m] of the mean motion in the first quarter of a period after
-    the slips, less a line through the second half of this part. The amplitudes are NaN for fewer than two
-    slips. x are the positions [m] at the ascending times t [s], [n]."""
+    """Return frequencies [Hz] and amplitudes [m] of the mean motion (positive along the slip) in the first
+    quarter of a period after the slips, less a line through the second half of this part. The amplitudes are
+    NaN for fewer than two slips. x are the positions [m] at the ascending times t [s], [n]."""
     interval = float(np.median(np.diff(t)))
     count = max(8, int(SPECTRUM * slips.period / interval))
     pieces = []
