@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.recording import RecordingError
+from stickslip.recording import RecordingError, RecordingWarning
+from stickslip.recording.readers.inspection import inspect_file
 from stickslip.recording.readers.titles import channel_of
 
 
@@ -31,6 +34,43 @@ def test_thousands_are_no_decimals(tmp_path: Path, delimiter: str, sign: str) ->
         ss.read_recording(path)
     said = ss.read_recording(path, decimal=sign)  # then it is the decimal sign after all
     assert float(np.abs(said["x"].values).max()) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("delimiter", "position"),
+    [
+        (",", '"{:,.2f}"'), (";", "{:,.2f}"), ("\t", "{:,.2f}"),
+        (";", "{:,.2f}'"), (";", "{:,.2f} "), (";", "{:,.1f}."),
+    ],
+)  # fmt: skip
+def test_a_column_that_separates_thousands_is_not_lost_in_silence(
+    tmp_path: Path, delimiter: str, position: str
+) -> None:
+    """The last sign of a format is that of thousands; with a point, the comma is the decimal sign."""
+    sign = position[-1] if position[-1] in "'. " else ","
+    swap = str.maketrans({",": sign, ".": ","} if sign == "." else {",": sign})
+    fields = [position.rstrip("'. ").format(9_980.0 + 1.25 * k).translate(swap) for k in range(60)]
+    volts = [f"{k / 4:.2f}".replace(".", "," if sign == "." else ".") for k in range(60)]
+    rows = [delimiter.join((str(k), x, u)) for k, (x, u) in enumerate(zip(fields, volts, strict=True))]
+    path = written(tmp_path, [delimiter.join(("t [ms]", "x [nm]", "u [V]")), *rows])
+    first = fields[0].strip('"')
+    said = rf"column 'x \[nm\]' holds no numbers that can be read: .*{re.escape(first)}.* thousands"
+    with pytest.warns(RecordingWarning, match=said):
+        assert list(ss.read_recording(path)) == ["u"]
+    with pytest.raises(RecordingError, match=said):
+        ss.read_recording(path, {"position": "x [nm]"})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # the user does not want this column
+        ss.read_recording(path, {"drive_voltage": "u [V]"})
+    assert "has separators of thousands" in str(inspect_file(path))
+
+
+@pytest.mark.parametrize("words", ["1.2.3", "10.0.0.1", "A,123", "run 123", "12 345 um"])
+def test_words_with_digits_are_no_numbers(tmp_path: Path, words: str) -> None:
+    path = written(tmp_path, ["t [ms];x [um];note", *(f"{k};{0.5 * k};{words}" for k in range(40))])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert list(ss.read_recording(path)) == ["x"]
 
 
 def test_two_decimal_signs_in_one_file(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from .. import RecordingError
 from .fields import OVERLOAD
 from .layout import LINE_END, TextLayout, find_layout
 from .progress import reading_progress
-from .source import FileContent, Rows
+from .source import FileContent, Rows, no_numbers
 from .stamps import Stamped, iso
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def read_csv(
     def read(indices: Sequence[int], rows: Rows) -> list[np.ndarray]:
         for i in indices:
             if not channels[i].numeric:
-                raise RecordingError(f"the column {channels[i].shown!r} holds no numbers")
+                raise RecordingError(no_numbers(channels[i]))
         if rows.stop is None:
             _check_last_line(path, layout)
         held = [i for i in range(len(layout.kinds)) if channels[i].numeric and i not in layout.clocks]

@@ -44,6 +44,10 @@ FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 LIBRARY = re.compile(r"[+-]?1[.,]#[A-Za-z]+\d*([eE][+-]?\d+)?")
 
 
+# Pattern of a number whose thousands are separated by a sign or a blank: "10,313.95", "1.234,5", "1'234".
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?P<sign>[.,'’_ \u00a0\u202f])\d{2,3}((?P=sign)\d{2,3})*([.,]\d+)?")
+
+
 # Delimiter that means any white space.
 SPACE = r"\s+"
 # Pattern of the signs that start a comment line; an error text of Excel, such as "#N/A", is no comment.
@@ -77,6 +81,18 @@ class Signs(NamedTuple):
         """Return the kinds of the fields as a text with one letter ("e", "n", "d" or "s") for each, see
         `kind`."""
         return "".join(map(self.kind, fields))
+
+
+def thousands(fields: Sequence[str], missing: frozenset[str]) -> str:
+    """Return the first field with separators of thousands, of a column (texts) that contains only such
+    numbers, plain numbers, and the texts `missing`; "" for any other column."""
+    parted = ""
+    for field in fields:
+        if _THOUSANDS.fullmatch(field):
+            parted = parted or field
+        elif field not in missing and not _NUMBER.fullmatch(field.replace(",", ".")):
+            return ""
+    return parted
 
 
 def split(line: str, delimiter: str) -> list[str]:

@@ -139,7 +139,8 @@ class Inspection(NamedTuple):
         served = [ours for ours, clock in self.clocks.items() if clock == column["column"]]
         name = f"time of {', '.join(served)}" if served else name
         low, high = ("" if column[end] is None else f"{column[end]:.6g}" for end in ("low", "high"))
-        return [column["name"], unit, low, high, name or ("" if column["numeric"] else "no numbers")]
+        words = "" if column["numeric"] else column["unread"] or "no numbers"
+        return [column["name"], unit, low, high, name or words]
 
     def _said(self) -> list[str]:
         assert self.recording is not None

@@ -18,7 +18,18 @@ from typing import NamedTuple
 from ...gate.files import opened
 from ...gate.limits import LIMITS, check_count
 from .. import RecordingError
-from .fields import COMMENT, FORTRAN, LIBRARY, MISSING, SHEET_ERRORS, SPACE, Signs, split, without_sign
+from .fields import (
+    COMMENT,
+    FORTRAN,
+    LIBRARY,
+    MISSING,
+    SHEET_ERRORS,
+    SPACE,
+    Signs,
+    split,
+    thousands,
+    without_sign,
+)
 from .settings import HeaderClock, find_settings, in_table, with_settings
 from .source import FileChannel
 from .stamps import Stamped, find_stamps
@@ -135,7 +146,10 @@ def find_layout(
     rows, clock, counts = in_table(rows)
     rows = {i: cut(fields, width) for i, fields in rows.items()}
     channels = titles(lines, rows, kinds, signs, {first: filled[0]}, said)
-    channels = [c._replace(numeric=k in "nd") for k, c in zip(kinds, channels, strict=True)]
+    channels = [
+        c._replace(numeric=k in "nd", unread=_unread(filled, i, missing) if k == "s" else "")
+        for i, (k, c) in enumerate(zip(kinds, channels, strict=True))
+    ]
     channels, clocks = with_header_clock(channels, said, clock, counts, filled[:FEW], signs)
     channels = with_settings(channels, said, bool(clocks))
     channels, stamps = find_stamps(channels, kinds, filled[: HEADER // 2], decimal)
@@ -278,6 +292,13 @@ def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str
             f"the rows have {count} fields, but the names above them are {len(names)}: if the comma is the "
             "decimal sign, say decimal=','"
         )
+
+
+def _unread(rows: Sequence[Sequence[str]], k: int, missing: frozenset[str]) -> str:
+    """Return the reason why column `k` of these rows (fields) has no numbers although it seems so; "" for
+    words. `missing` are the texts for missing numbers."""
+    parted = thousands([row[k] for row in rows if k < len(row)], missing)
+    return f"{parted!r} has separators of thousands: write the numbers without" if parted else ""
 
 
 def _begins(fields: Sequence[str], kinds: str, signs: Signs) -> bool:

@@ -45,7 +45,8 @@ def look(path: Path) -> dict[str, Any]:
         None without numbers), clock (True for a time), time (reference to the column's time column, if there
         are several; otherwise ""), unit (in the file; "" without one), known (False for an unknown unit),
         guess (standard name of such a quantity; "" for none), guessed_unit (from the range of values, if the
-        file has none; otherwise "").
+        file has none; otherwise ""), unread (reason why apparent
+        numbers are not read; otherwise "").
 
     Raises:
         RecordingError: the format is unknown, or the file is damaged, is a recording of this package, or has
@@ -116,6 +117,7 @@ def _described(
     known = not channel.unit or is_unit(channel.unit)
     found: dict[str, Any] = {
         "index": i, "name": channel.shown, "column": pointer(channels, i), "numeric": channel.numeric,
+        "unread": channel.unread,
         "unit": channel.unit, "known": known, "guess": "", "guessed_unit": "", "first": [], "low": None,
         "high": None, "time": "",
     }  # fmt: skip

@@ -26,7 +26,7 @@ from .formats import TEXT, find_format
 from .opening import source_of
 from .selection import FileVariable, Selection, select
 from .source import Column, FileContent, Rows
-from .unlikely import refuse_unlikely, warn_of_unsaid
+from .unlikely import refuse_unlikely, warn_of_unread, warn_of_unsaid
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -129,6 +129,8 @@ def read_recording(
         text = {"delimiter": delimiter, "decimal": decimal, "skip": skip, "missing_values": missing_values}
         source = source_of(path, kind, **(text if kind == TEXT else {}))
         chosen = select(source.channels, columns or {}, units or {}, clocks or {}, equally_spaced=rate > 0)
+        if not set(columns or {}) - {"time"}:  # all columns are read
+            warn_of_unread(path, source.channels)
         window = _window(rows)
         groups = _load(source, chosen, window, rate)
         whole, steps = _on_one_clock(source, chosen, groups, missing, window)

@@ -12,7 +12,7 @@ from .. import STANDARD_NAMES, RecordingError
 from ..conversion import Conversion, is_number
 from .file_units import in_seconds, is_unsure, to_si_scale, to_si_unit
 from .headers import ends_in_m
-from .source import Column, FileChannel, find_channel, is_clock, listing
+from .source import Column, FileChannel, find_channel, is_clock, listing, no_numbers
 
 
 class FileVariable(NamedTuple):
@@ -118,7 +118,7 @@ def _variable(
     """
     column = channels[i]
     if not column.numeric:
-        raise RecordingError(f"{name}: the column {column.shown!r} holds no numbers")
+        raise RecordingError(f"{name}: {no_numbers(column)}")
     said = column.unit if unit is None else unit
     sure = unit is not None or column.unit != "m" or not ends_in_m(column.header)
     made = FileVariable(name, i, column, said, Conversion(standard or "", 1.0, 0.0), clock, sure)

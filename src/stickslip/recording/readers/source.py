@@ -45,6 +45,8 @@ class FileChannel(NamedTuple):
     # Time that the number 0 means, s: for dates since 1970, for times of day since midnight.
     epoch: float = 0.0
     stamp: bool = False  # True: the channel contains dates or times of day
+    # Reason why apparent numbers are not read as numbers, in words; "" for words and for what is read.
+    unread: str = ""
 
     @property
     def shown(self) -> str:
@@ -155,6 +157,12 @@ def pointer(channels: Sequence[FileChannel], i: int) -> str | int:
         if name and sum(name in (one.name, one.header) for one in channels) == 1:
             return name
     return i
+
+
+def no_numbers(channel: FileChannel) -> str:
+    """Return the message that a column has no numbers, with the reason, if it seems to have some."""
+    why = f" that can be read: {channel.unread}" if channel.unread else ""
+    return f"the column {channel.shown!r} holds no numbers{why}"
 
 
 def listing(channels: Sequence[FileChannel], most: int = 20) -> str:

@@ -13,6 +13,7 @@ from .. import RecordingError, RecordingWarning
 from .clocks import Clocked
 from .preview import LOOKED_AT, likely_unit
 from .selection import FileVariable, Selection
+from .source import FileChannel, no_numbers
 
 # UNLIKELY: largest plausible range (maximum minus minimum) of a channel of a stick-slip actuator, by SI unit,
 # and the unit that numbers with a larger range probably have.
@@ -66,6 +67,14 @@ def _unlikely(variable: FileVariable, size: str, likely: str, unit: str) -> Reco
     return RecordingError(
         f"{variable.label}: {who}, and {size}. Say {said}, {likely} perhaps, or {so!r} if it is so"
     )
+
+
+def warn_of_unread(path: Path, channels: Sequence[FileChannel]) -> None:
+    """Warn (RecordingWarning) of columns of a file (its `path` and `channels`) that are left out although
+    they seem to contain numbers."""
+    left_out = [no_numbers(one) for one in channels if one.unread]
+    if left_out:
+        warnings.warn(f"{path.name}: left out: {'; '.join(left_out)}", RecordingWarning, stacklevel=3)
 
 
 def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> None:
