@@ -21,6 +21,7 @@ from stickslip.simulation import (
     steady_step_derivatives,
 )
 from stickslip.simulation.models import SLIDER
+from stickslip.simulation.steady import refuse_unsettled
 from stickslip.simulation.trajectory import follow_model
 from stickslip.simulation.varied import with_values
 from stickslip.waveform.knots import PeriodicKnots
@@ -298,3 +299,20 @@ def test_what_is_clamped_takes_no_steps(ask: str) -> None:
     options = {"parameters": given[ask]} if ask in given else {}
     with pytest.raises(QuantityError, match="clamped to the stage: it takes no steps"):
         getattr(simulation, ask)(MODEL.replace(clamped=True), DRIVE, **options)
+
+
+@pytest.mark.parametrize("rotary", [False, True])
+def test_no_derivatives_without_a_steady_step(rotary: bool) -> None:
+    """With a force beyond friction it slides faster and faster: the last iterate has no derivatives."""
+    model = MODEL.replace(external_force=1.0, rotary=rotary, friction=LUGRE._replace(sigma_2=0.0))
+    unit = "rad" if rotary else "m"
+    for ask in (
+        lambda: simulation.steady_step(model, DRIVE),
+        lambda: steady_step_derivatives(model, DRIVE, parameters=["gain"]),
+    ):
+        with pytest.raises(simulation.NotPeriodicError, match=rf"no motion .* [kM]?{unit} per"):
+            ask()
+    orbit = simulation.steady_orbit(MODEL, DRIVE)
+    refuse_unsettled(orbit, MODEL)
+    with pytest.raises(simulation.NotPeriodicError, match="is unstable"):
+        refuse_unsettled(orbit._replace(multipliers=np.array([1.01])), MODEL)

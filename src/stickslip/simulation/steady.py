@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..physics.actuator import Actuator
-from ..quantities.units import QuantityError, with_prefix
+from ..quantities.units import QuantityError, unit_for, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .drives import endless, tables
@@ -89,13 +89,22 @@ def stable(largest: Any) -> Any:
     return ~(np.asarray(largest) > STABLE)
 
 
-def not_found(periods: int, residual: float, largest: float) -> str:
-    """Return the message that no periodic motion was found in `periods` periods. `residual` [m] is the
-    remaining change of the state per period, `largest` the largest absolute multiplier."""
+def not_found(periods: int, residual: float, largest: float, unit: str) -> str:
+    """Return the message that no periodic motion was found in `periods` periods. `residual` is the remaining
+    change of the state per period in `unit` (m or rad), `largest` the largest absolute multiplier."""
     return (
         f"no motion with the period of the drive was found in {periods} periods: the state still "
-        f"changes by {with_prefix(residual, 'm')} per period (largest multiplier {largest:.3g})"
+        f"changes by {with_prefix(residual, unit)} per period (largest multiplier {largest:.3g})"
     )
+
+
+def refuse_unsettled(orbit: Orbit, model: Actuator) -> None:
+    """Raise NotPeriodicError if an orbit of the model was not found, or is unstable."""
+    largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
+    if not orbit.converged:
+        raise NotPeriodicError(not_found(orbit.periods, orbit.residual, largest, unit_for(model, "m")), orbit)
+    if not stable(largest):
+        raise NotPeriodicError(unstable(largest), orbit)
 
 
 def unstable(largest: float) -> str:
@@ -123,11 +132,7 @@ def steady_step(
     """
     tolerance = checked_tolerance(model, tolerance)
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
-    largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
-    if not orbit.converged:
-        raise NotPeriodicError(not_found(orbit.periods, orbit.residual, largest), orbit)
-    if not stable(largest):
-        raise NotPeriodicError(unstable(largest), orbit)
+    refuse_unsettled(orbit, model)
     if not orbit.error <= tolerance:
         warnings.warn(not_within(orbit.error, tolerance, model), SimulationWarning, stacklevel=2)
     return orbit.step

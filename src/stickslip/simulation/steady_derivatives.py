@@ -29,7 +29,7 @@ from .sensitivity import (
     until_settled,
     warn_unsettled,
 )
-from .steady import period_of, steady_orbit
+from .steady import period_of, refuse_unsettled, steady_orbit
 from .trajectory import checked_tolerance
 from .varied import value_of
 
@@ -66,8 +66,8 @@ def steady_step_derivatives(
         QuantityError: see `steady_step` and `sensitivities`; a name of the initial state, or a frequency or
             period under a varying load.
         SimulationError: the motion could not be simulated over one period.
-        NotPeriodicError: an element never slips within a period, and so keeps its initial state. Unlike
-            `steady_step`, this function does not check that the orbit was found and is stable.
+        NotPeriodicError: no orbit of the drive's period was found, or it is unstable, as for `steady_step`;
+            or an element never slips within a period, and so keeps its initial state.
     """
     tolerance = checked_tolerance(model, tolerance)
     parameters = checked_names(parameters)
@@ -75,6 +75,7 @@ def steady_step_derivatives(
         raise QuantityError("the steady step does not depend on the initial state")
     refuse_law(model)
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
+    refuse_unsettled(orbit, model)
     period = period_of(waveform)
     drive = tables(model, endless(waveform), period, periodic=True)(tolerance)
     contact, times = contact_load(load, period), np.array([0.0, period])

@@ -17,7 +17,7 @@ from ..physics.electronics.output import OutputStage
 from ..physics.electronics.stack import Stack
 from ..quantities.progress import Progress, unheard
 from ..quantities.records import of_kind
-from ..quantities.units import labelled_for
+from ..quantities.units import labelled_for, unit_for
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
@@ -210,7 +210,8 @@ def _block(task: _SteadyTask, columns: Mapping[str, NDArray[np.float64]]) -> Orb
             status[m], reasons[m] = UNSTABLE, unstable(found.radius[m])
         elif found.outcomes[m] == NOT_FOUND:
             status[m] = MISSED
-            reasons[m] = not_found(int(found.periods[m]), float(found.residuals[m]), found.radius[m])
+            numbers = int(found.periods[m]), float(found.residuals[m]), found.radius[m]
+            reasons[m] = not_found(*numbers, unit_for(task.model, "m"))
         else:
             status[m], reasons[m] = STOPPED, NOT_FOLLOWED
     made = task.beside(of, columns, found, status) if task.beside else {}
