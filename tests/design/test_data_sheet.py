@@ -19,7 +19,9 @@ from stickslip.design.sheet_density import Simulated
 from stickslip.design.sheet_priors import NAMES, expectations
 from stickslip.estimate.tempering import sample_tempered
 from stickslip.parameters import references
+from stickslip.parameters.load import load_set
 from stickslip.quantities.units import QuantityError
+from stickslip.report.views.data_sheet import sheet_document
 from stickslip.simulation import SimulationWarning
 
 KANG: dict[str, Any] = {
@@ -118,6 +120,35 @@ def test_what_the_sheet_says_nothing_of_is_told(made: design.SheetModel) -> None
     assert "assumption: damping ratio of the bristle" in text
     assert "the sheet prints it" in text
     assert "stall_force: given" in made.citation
+
+
+def test_a_voltage_that_the_sheet_does_not_print_is_an_assumption(tmp_path: Path) -> None:
+    """A gain in m/V needs a voltage: it is open, also where the stroke is printed, and the report says so."""
+    found = ss.from_data_sheet(step="10 um", speed="3 mm/s", frequency="400 Hz", draws=120)
+    assert "gain" in found.open
+    assert list(found.assumptions) == ["max_voltage"]
+    first = found.report().splitlines()[2]
+    assert first.startswith("Assumed max_voltage: 100 V")
+    gain = next(line for line in found.report().splitlines() if line.startswith("gain"))
+    assert "assumption: stroke of 1.5 steps over an assumed 100 V" in gain
+    document = sheet_document(found)
+    assert document.assumptions[0].startswith("max_voltage: 100 V")
+    assert "gain" not in dict(document.highlights)
+    model = found.save(tmp_path) / "model.toml"
+    assert load_set(model).values["max_voltage"].assumed
+    assert not load_set(model).values["gain"].assumed
+    assert ss.load_actuator(model).max_voltage == 100.0
+    stroke = ss.from_data_sheet(stroke="10 um", min_voltage=-20, draws=100)
+    assert "gain" in stroke.open
+    assert "80 V" in stroke.assumptions["max_voltage"]
+    printed = {"stroke": "10 um", "draws": 100}
+    assert not ss.from_data_sheet(max_voltage=100, **printed).assumptions  # type: ignore[arg-type]
+    path = tmp_path / "sheet.toml"
+    voltage = '[max_voltage]\nvalue = 100\nunit = "V"\nassumed = true\nreason = "as its drive"\n'
+    path.write_text(f'title = "x"\ncitations = []\nkind = "data_sheet"\n{voltage}', encoding="utf-8")
+    of_file = ss.from_data_sheet(path, **printed)  # type: ignore[arg-type]
+    assert "gain" in of_file.open
+    assert of_file.assumptions == {"max_voltage": "as its drive"}
 
 
 def test_without_data_the_draws_are_those_expected() -> None:
@@ -230,3 +261,21 @@ def test_the_command_writes_what_design_files_take(tmp_path: Path) -> None:
     wrong = CliRunner().invoke(app, ["data-sheet", "--set", "step 67 nm", "--out", str(out)])
     assert wrong.exit_code == 2
     assert "write NUMBER=VALUE" in wrong.output
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("draws=120", "no number 'draws' (an option of the command: --draws)"),
+        ("seed=3", "--seed"),
+        ("progress=1", "no number 'progress'"),
+        ("sheet=kang2007", "no number 'sheet'"),
+        ("stepp=1 um", "did you mean 'step'"),
+    ],
+)
+def test_the_command_sets_numbers_of_the_sheet_only(change: str, said: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(
+        app, ["data-sheet", "--set", "step=10 um", "--set", change, "--out", str(tmp_path)]
+    )
+    assert done.exit_code == 2
+    assert said in " ".join(done.output.split())

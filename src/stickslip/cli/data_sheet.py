@@ -40,11 +40,21 @@ def data_sheet(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..design import from_data_sheet
+        from ..design import DataSheet, from_data_sheet
         from ..quantities.places import assignment
+        from ..quantities.records import did_you_mean
+        from ..quantities.units import QuantityError
         from ..report import view
 
         numbers = dict(assignment("--set", one, "NUMBER=VALUE, such as step='50 nm'") for one in changes)
+        for name in numbers:
+            if name not in DataSheet._fields:
+                option = f" (an option of the command: --{name})" if name in ("draws", "seed") else ""
+                hint = option or did_you_mean(name, DataSheet._fields)
+                raise QuantityError(
+                    f"--set {name}: a data sheet has no number {name!r}{hint}; it has "
+                    f"{', '.join(DataSheet._fields)}"
+                )
         with progress_bar() as progress:
             found = from_data_sheet(sheet or None, draws=draws, seed=seed, progress=progress, **numbers)
             document = view(found)

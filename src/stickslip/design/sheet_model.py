@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 COLUMNS = UNITS | {"stiction_force": "N"}
 # Number of draws that are simulated for the intervals of the sheet's numbers.
 CHECKED = 200
+# Start of the source of an assumed number of a sheet, before the reason; as `load_data_sheet` has it.
+ASSUMED = "assumed: "
 # Largest width of a parameter's interval, divided by that of its prior (both in the logarithm), at which the
 # sheet determines the parameter.
 TOLD = 0.5
@@ -62,7 +64,9 @@ class SheetModel:
             of the draws), predicted_low and predicted_high (95 %).
         drive: sawtooth over the whole voltage range, at the rate of the sheet's step.
         speed_rate: step rate of the sheet's speed, Hz; 0 if the sheet gives neither a speed nor its rate.
-        sources: source of each number, by name.
+        sources: source of each number, by name; "assumed: " and the reason for an assumed number. Without a
+            `max_voltage` of the sheet, 100 V above its `min_voltage` are assumed: this comes first, and the
+            gain and its interval are valid for this voltage only.
         citations: keys of the references.
     """
 
@@ -78,10 +82,23 @@ class SheetModel:
     @property
     def determined(self) -> tuple[str, ...]:
         """Return the names of the parameters that the sheet prints, or determines otherwise: the interval is
-        narrower than half the expected one (`width` in `dataset` below 0.5)."""
+        narrower than half the expected one (`width` in `dataset` below 0.5). If `max_voltage` is assumed, the
+        gain is not determined."""
         of = self.dataset
-        printed = of["reason"].values == SHEET
-        return tuple(of["parameter"].values[printed | (of["width"].values < TOLD)].tolist())
+        told = (of["reason"].values == SHEET) | (of["width"].values < TOLD)
+        return tuple(name for name in of["parameter"].values[told].tolist() if name not in self._on_voltage)
+
+    @property
+    def assumptions(self) -> dict[str, str]:
+        """Return the reason of each assumed number of the sheet (`sources`), by name, the voltage first."""
+        names = sorted(self.sources, key=lambda name: name != "max_voltage")
+        said = {name: self.sources[name] for name in names}
+        return {name: one.removeprefix(ASSUMED) for name, one in said.items() if one.startswith(ASSUMED)}
+
+    @property
+    def _on_voltage(self) -> tuple[str, ...]:
+        """Return the names of the parameters that are valid for an assumed voltage only."""
+        return ("gain",) if "max_voltage" in self.assumptions else ()
 
     @property
     def open(self) -> tuple[str, ...]:
@@ -103,6 +120,8 @@ class SheetModel:
         """Return a text with tables of the sheet's numbers and of the parameters, and the names of the
         parameters that the sheet leaves open."""
         of, lines = self.dataset, [f"{self.sheet.title}", ""]
+        assumed = [f"Assumed {name}: {reason}." for name, reason in self.assumptions.items()]
+        lines += [*assumed, ""] if assumed else []
         lines.append(f"{'data sheet':14}{'stated':>12}{'model':>12}   95 % of the draws")
         for name in of["quantity"].values.tolist():
             row = of.sel(quantity=name)
@@ -117,7 +136,9 @@ class SheetModel:
             row = of.sel(parameter=name)
             unit = str(row["parameter_unit"].values)
             value, low, high = (with_prefix(float(row[one]), unit, 3) for one in ("value", "low", "high"))
-            lines.append(f"{name:18}{value:>15}   {f'{low} to {high}':36}{_by(row)}")
+            lines.append(
+                f"{name:18}{value:>15}   {f'{low} to {high}':36}{_by(row, name in self._on_voltage)}"
+            )
         left = ", ".join(self.open) or "nothing"
         return "\n".join([*lines, "", f"The sheet leaves open: {left}.", self.posterior.message])
 
@@ -163,14 +184,17 @@ class SheetModel:
         folder.mkdir(parents=True, exist_ok=True)
         source = f"the most probable draw for the data sheet {self.sheet.title}"
         with replaced_whole(folder / "model.toml") as temporary:
-            temporary.write_text(parameter_text(self.model, self.sheet.title, source), encoding="utf-8")
+            text = parameter_text(self.model, self.sheet.title, source, assumed=self.assumptions)
+            temporary.write_text(text, encoding="utf-8")
         with replaced_whole(folder / "posterior.nc") as temporary:
             self.posterior.samples.to_netcdf(temporary, engine="h5netcdf")
         return folder
 
 
-def _by(row: xr.Dataset) -> str:
+def _by(row: xr.Dataset, assumed: bool) -> str:
     reason = str(row["reason"].values)
+    if assumed:
+        return f"assumption: {'printed stroke over an assumed voltage' if reason == SHEET else reason}"
     if reason == SHEET:
         return "the sheet prints it"
     width = float(row["width"])
@@ -192,8 +216,9 @@ def from_data_sheet(
     ``from_data_sheet(step="1 um", speed="2 mm/s", stall_force="1 N", max_voltage=100, mass="20 g")``. The
     friction is a `LuGre` law without Stribeck effect. The sheet's step is the step under a slow sawtooth over
     all voltages with a jump. Its speed is the speed under the same sawtooth at the sheet's step rate. Its
-    stall force is the load at which the step is zero. Parameters that no number of the sheet determines
-    follow from assumptions with wide factors (`reason` in `dataset`).
+    stall force is the load at which the step is zero. Without `max_voltage`, a range of 100 V is assumed; the
+    gain is then not determined (`assumptions` of the result). Parameters that no number of the sheet
+    determines follow from assumptions with wide factors (`reason` in `dataset`).
 
     Args:
         sheet: the name of a sheet that comes with the package (`design.available_data_sheets`), a TOML file,
@@ -222,6 +247,11 @@ def from_data_sheet(
     of = DataSheet(**given) if sheet is None else sheet._replace(**given)
     sources = {name: sources.get(name, "given") if name not in numbers else "given" for name in of.numbers}
     expected = expectations(of)
+    if of.max_voltage is None:
+        reason = (
+            f"{expected.high:g} V, for the sheet prints no greatest voltage; the gain goes as its inverse"
+        )
+        sources = {"max_voltage": f"{ASSUMED}{reason}"} | sources
     simulated = Simulated.of(of, expected)
     try:
         posterior = sample_tempered(

@@ -54,7 +54,8 @@ PRESLIDING_SHARE, OF_PRESLIDING = 1.0 / 15.0, 3.0
 BRISTLE_DAMPING, OF_BRISTLE = 0.1, 3.0
 # Prior (central value, factor) of the effective mass of the stage divided by the moved mass.
 STAGE_OVER_MOVED, OF_STAGE = 1.0, 3.0
-# Range of the drive voltage, V, for a sheet without a greatest voltage.
+# Range of the drive voltage, V, that is assumed for a sheet without a greatest voltage. The sheet then does
+# not determine the gain, which is in inverse proportion to the range.
 VOLTAGE = 100.0
 SHEET = "printed"
 
@@ -125,8 +126,9 @@ def expectations(sheet: DataSheet) -> Expectations:
         QuantityError: the sheet has neither a step, nor a stroke, nor a speed with its step rate.
     """
     printed = math.exp(math.log1p(sheet.tolerance) / HALF)
-    low = sheet.min_voltage
-    high = low + VOLTAGE if sheet.max_voltage is None else sheet.max_voltage
+    low, high, over = sheet.min_voltage, sheet.max_voltage, ""
+    if high is None:
+        high, over = low + VOLTAGE, f" over an assumed {VOLTAGE:g} V"
     step = sheet.step
     if step is None and sheet.speed is not None and sheet.frequency is not None:
         step = sheet.speed / sheet.frequency
@@ -139,10 +141,11 @@ def expectations(sheet: DataSheet) -> Expectations:
         )
     known: dict[str, Expected] = {}
     if sheet.stroke is not None:
-        known["gain"] = Expected(sheet.stroke / (high - low), printed, SHEET)
+        reason = f"printed stroke{over}" if over else SHEET
+        known["gain"] = Expected(sheet.stroke / (high - low), printed, reason)
     else:
         known["gain"] = Expected(
-            GAIN_OVER_STEP * step / (high - low), OF_GAIN, f"stroke of {GAIN_OVER_STEP:g} steps"
+            GAIN_OVER_STEP * step / (high - low), OF_GAIN, f"stroke of {GAIN_OVER_STEP:g} steps{over}"
         )
     if sheet.resonance is not None:
         known["natural_frequency"] = Expected(2.0 * math.pi * sheet.resonance, printed, SHEET)

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ..quantities import registry
@@ -15,7 +16,13 @@ from .load import PIEZO_PARTS, ParameterSetError, load_set
 
 
 def parameter_text(
-    record: Any, title: str, source: str, errors: Mapping[str, float] | None = None, kind: str = "actuator"
+    record: Any,
+    title: str,
+    source: str,
+    errors: Mapping[str, float] | None = None,
+    kind: str = "actuator",
+    *,
+    assumed: Mapping[str, str] | None = None,
 ) -> str:
     """Return the TOML text of a parameter set with the values of a record.
 
@@ -29,10 +36,12 @@ def parameter_text(
         errors: standard errors in SI by name of the field ("sigma_0", without "friction."); each becomes the
             `note` of its value.
         kind: kind of the set, "actuator" or "pulled_slider".
+        assumed: reason of each of the record's own fields that is assumed, by name; such a value has no
+            `source`.
     """
     law = registry.laws.name_of(type(record.friction))
     lines = [f"title = {_text(title)}", "citations = []", f"kind = {_text(kind)}", ""]
-    lines += _tables(record, "", source, errors or {})
+    lines += _tables(record, "", source, errors or {}, assumed=assumed or {})
     lines += ["[friction]", f"law = {_text(law)}", ""]
     lines += _tables(record.friction, "friction.", source, errors or {}, record)
     piezo = getattr(record, "piezo", None)
@@ -48,7 +57,12 @@ def parameter_text(
 
 
 def _tables(
-    record: Any, prefix: str, source: str, errors: Mapping[str, float], owner: Any = None
+    record: Any,
+    prefix: str,
+    source: str,
+    errors: Mapping[str, float],
+    owner: Any = None,
+    assumed: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[str]:
     known = quantities_of(record, owner)
     for field, value in record._asdict().items():
@@ -69,7 +83,10 @@ def _tables(
         if unit is not None:
             yield f"unit = {_text(unit)}"
             yield f"symbol = {_text(symbol)}"
-        yield f"source = {_text(source)}"
+        if field in assumed:
+            yield f"assumed = true\nreason = {_text(assumed[field])}"
+        else:
+            yield f"source = {_text(source)}"
         if field in errors and math.isfinite(errors[field]):
             yield f"note = {_text(f'standard error {errors[field]:.3g} {unit}'.strip())}"
         yield ""

@@ -17,7 +17,8 @@ def sheet_document(found: SheetModel) -> Document:
     """Return a document on an actuator model that was found from a data sheet.
 
     It has the numbers of the sheet with their sources, the model's numbers for comparison, the parameters
-    with 95 % intervals, and the names of parameters that the sheet does not determine.
+    with 95 % intervals, the names of parameters that the sheet does not determine, and the assumptions: first
+    those about the sheet's own numbers.
     """
     of, known = found.dataset, quantities(type(found.sheet))
     numbers = found.sheet.numbers
@@ -72,7 +73,10 @@ def sheet_document(found: SheetModel) -> Document:
             "reproduced": {row[0]: row[3] for row in rows},
             "model": model_numbers(found.model),
         },
-        assumptions=[f"{name}: {reason}" for name, _, reason, said in parameters if said != "prints it"],
+        assumptions=[
+            *(f"{name}: {reason}" for name, reason in found.assumptions.items()),
+            *(f"{name}: {reason}" for name, _, reason, said in parameters if said != "prints it"),
+        ],
         citations=bibtex(*found.citations) if found.citations else "",
         failures=[] if found.posterior.converged else [found.posterior.message],
     )
@@ -85,6 +89,7 @@ def _number(found: SheetModel, name: str) -> Number:
 
 
 def _said(found: SheetModel, name: str) -> str:
-    if str(found.dataset["reason"].sel(parameter=name).values) == "printed":
-        return "prints it"
-    return "determines it" if name in found.determined else "leaves it open"
+    if name not in found.determined:
+        return "leaves it open"
+    printed = str(found.dataset["reason"].sel(parameter=name).values) == "printed"
+    return "prints it" if printed else "determines it"
