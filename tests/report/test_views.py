@@ -16,9 +16,12 @@ import xarray as xr
 import stickslip as ss
 from stickslip.control import tune
 from stickslip.design import waveform_front
+from stickslip.design.optimised import motion_by
 from stickslip.estimate import Fit
 from stickslip.identify import identify_conditions
+from stickslip.identify.frequency.response import frequency_response
 from stickslip.report import Document, Number, document_of, write_report
+from stickslip.report.figures.plotting import DRAWN
 
 
 @dataclass
@@ -101,12 +104,55 @@ def test_a_step_map_says_where_the_walk_is_fastest(model: ss.Actuator, tmp_path:
     assert fastest == Number(float(np.abs(found["speed"]).max()), "m/s")
 
 
+def test_a_map_of_more_lines_than_colours_says_how_to_draw_it(model: ss.Actuator, tmp_path: Path) -> None:
+    masses = {"end_effector_mass": [0.08, 0.1], "rise_fraction": [0.9, 1.0]}
+    found = ss.step_map(model, voltage=[40.0, 80.0], frequency=[10.0, 60.0], parameters=masses)
+    document = ss.view(found)
+    checked(document, tmp_path)
+    assert not document.pictures()
+    assert document.summary.startswith("16 of 16 points have a steady step.")
+    said = "Net step per period is not drawn: a picture of 8 lines is too many: choose with map.sel("
+    assert said in str(document)
+    assert said in (tmp_path / "report.html").read_text("utf-8")
+    drawn = ss.view(found.isel(rise_fraction=1, end_effector_mass=0))
+    assert [one.name for one in drawn.pictures()][:2] == ["map-net-step", "map-speed"]
+
+
+def datasets(model: ss.Actuator) -> dict[str, xr.Dataset]:
+    """A small dataset of each kind that `plot` draws, by the dimension that it is drawn over."""
+    drive, noise = ss.Sawtooth(65.0, 20.0), np.random.default_rng(0).standard_normal(256)
+    plan = ss.plan_experiment(
+        model, {"a": drive}, free=["sigma_1"], noise="20 nm", duration=0.1, recordings=1
+    )
+    sheet = ss.from_data_sheet(step="10 um", stroke="17.4 um", max_voltage=150, resonance=525.7, draws=100)
+    return {
+        "time": walked(model, 3),
+        "frequency": frequency_response(noise, 1e-7 * noise, 1e3),
+        "member": ss.steady_steps(model, drive, parameters={"sigma_1": [10.0, 30.0]}),
+        "candidate": plan.dataset,
+        "quantity": sheet.dataset,
+        "phase": motion_by(model, {"optimised": drive, "sawtooth": drive}),
+    }
+
+
+def test_every_dataset_that_is_drawn_has_a_view(model: ss.Actuator, tmp_path: Path) -> None:
+    made = datasets(model)
+    assert made.keys() == DRAWN.keys()
+    for over, data in made.items():
+        written = checked(ss.view(data), tmp_path / over)
+        assert written["title"] == data.attrs.get("title", DRAWN[over].title)
+        assert written["summary"].startswith(f"{data.sizes[over]} values over {over}: ")
+        assert not {"value", "low", "stated", "predicted"} & written["numbers"].keys()  # of several units
+
+
 def test_recordings_and_responses_are_shown_with_their_ranges(model: ss.Actuator, tmp_path: Path) -> None:
     walk = walked(model, 3)
     written = checked(ss.view(walk), tmp_path)
     assert written["title"] == "walk 3"
     largest = written["numbers"]["end_effector_position"]["largest"]
     assert largest == {"value": float(walk["end_effector_position"].max()), "unit": "m"}
+    renamed = checked(ss.view(walk.rename(end_effector_position="value")), tmp_path / "renamed")
+    assert renamed["numbers"]["value"]["largest"] == largest
 
 
 def test_conditions_and_searches_have_views(model: ss.Actuator, tmp_path: Path) -> None:

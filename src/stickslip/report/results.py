@@ -204,13 +204,14 @@ def _strict(value: Any) -> Any:
 def _numbers(node: Any, path: str) -> Any:
     """Return nested numbers for JSON: `Number`, mappings with "value" and "unit", and mappings of these.
 
-    Texts, lists of texts, booleans and None may occur among them. `path` is the place in the document, for
+    Texts, lists of texts, booleans and None may occur among them. A mapping in which "value" is a mapping or
+    a `Number` contains several results, one of them of this name. `path` is the place in the document, for
     the message. Raises DocumentError for a number without a unit.
     """
     if isinstance(node, Number):
         return _number(node)
     if isinstance(node, Mapping):
-        if "value" not in node:
+        if isinstance(node.get("value", {}), Mapping | Number):
             return {str(name): _numbers(inner, f"{path}.{name}") for name, inner in node.items()}
         if not isinstance(node.get("unit"), str):
             raise DocumentError(f"{path} has no unit")

@@ -55,15 +55,7 @@ def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> 
         QuantityError: the map has no such variable or no dimension, more than `MOST_PANELS` panels or too
             many lines, or the number of axes is wrong.
     """
-    if quantity not in data or not data[quantity].dims:
-        raise QuantityError(
-            f"the map has no {quantity!r} over a dimension: it has {', '.join(map(str, data))}"
-        )
-    dims = sorted(map(str, data[quantity].dims), key=lambda d: (-min(data.sizes[d], 3), d == "direction"))
-    plane, others = dims[:2], dims[2:]
-    if len(plane) == 2 and data.sizes[plane[1]] < 3:  # an image needs three values along each dimension
-        plane, others = dims[:1], dims[1:]
-    plane = [d for d in map(str, data[quantity].dims) if d in plane]
+    plane, others = _arranged(data, quantity)
     value = scale_for(str(data[quantity].attrs.get("units", "")), data[quantity].values)
     if len(plane) == 1:
         (panel,) = _panels(axes, 1, 3.2)
@@ -71,8 +63,6 @@ def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> 
         return np.array([panel], dtype=object)
     stacked = data.stack(panel=others) if others else data.expand_dims("panel")
     count = stacked.sizes["panel"]
-    if count > MOST_PANELS:
-        raise QuantityError(f"a picture of {count} panels is too many: choose with map.sel({others[0]}=...)")
     panels = _panels(axes, count, 3.4 if count == 1 else 3.0)
     limits = _limits(value(data[quantity].values))
     colours = [
@@ -89,6 +79,28 @@ def draw_map(data: xr.Dataset, quantity: str = "net_step", axes: Any = None) -> 
     bar = panels[0].figure.colorbar(colours[0], ax=panels)
     bar.set_label(value.label(str(data[quantity].attrs.get("long_name", quantity))))
     return np.array(panels, dtype=object)
+
+
+def _arranged(data: xr.Dataset, quantity: str) -> tuple[list[str], list[str]]:
+    """Return the dimensions of a map's axes, one for lines or two for images, and the further dimensions,
+    which have a line or a panel for each combination of their values.
+
+    Raises QuantityError if the map has no such variable or no dimension, too many panels, or more lines than
+    colours.
+    """
+    if quantity not in data or not data[quantity].dims:
+        raise QuantityError(
+            f"the map has no {quantity!r} over a dimension: it has {', '.join(map(str, data))}"
+        )
+    dims = sorted(map(str, data[quantity].dims), key=lambda d: (-min(data.sizes[d], 3), d == "direction"))
+    plane, others = dims[:2], dims[2:]
+    if len(plane) == 2 and data.sizes[plane[1]] < 3:  # an image needs three values along each dimension
+        plane, others = dims[:1], dims[1:]
+    count = math.prod(data.sizes[d] for d in others)
+    most, what = (len(SERIES), "lines") if len(plane) == 1 else (MOST_PANELS, "panels")
+    if count > most:
+        raise QuantityError(f"a picture of {count} {what} is too many: choose with map.sel({others[0]}=...)")
+    return [d for d in map(str, data[quantity].dims) if d in plane], others
 
 
 @drawn
@@ -209,8 +221,7 @@ def _in_ratios(values: NDArray[Any]) -> bool:
 def _lines(panel: Axes, data: xr.Dataset, quantity: str, over: str, others: list[str], value: Scale) -> None:
     """Draw a variable over the dimension `over`: a line with its band for each combination of `others`.
 
-    Points at which at least one line has no steady step have a cross on the axis. Raises QuantityError if
-    there are more lines than colours.
+    Points at which at least one line has no steady step have a cross on the axis.
 
     Args:
         panel: axes to draw on.
@@ -222,10 +233,6 @@ def _lines(panel: Axes, data: xr.Dataset, quantity: str, over: str, others: list
     """
     x = _axis(panel, data, over, "x")
     stacked = data.stack(line=others) if others else data.expand_dims("line")
-    if stacked.sizes["line"] > len(SERIES):
-        raise QuantityError(
-            f"{stacked.sizes['line']} lines are too many: choose with map.sel({others[0]}=...)"
-        )
     for i in range(stacked.sizes["line"]):
         one, colour = stacked.isel(line=i), SERIES[i % len(SERIES)]
         label = ", ".join(_said(data, name, one[name].item()) for name in others)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -64,9 +64,8 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
     # An optimised drive. Its type is not imported, because the package `design` uses this one.
     if hasattr(data, "motion"):
         return _over_phase(data.motion(), axes)
-    for dimension, draw in _DRAWN.items():
-        if isinstance(data, xr.Dataset) and dimension in data.dims:
-            return draw(data, axes)
+    if isinstance(data, xr.Dataset) and (over := drawn_over(data)):
+        return DRAWN[over].draw(data, axes)
     raise QuantityError(
         f"{type(data).__name__} cannot be drawn: give a fit, a verification, or a Dataset over time, "
         "frequency or member"
@@ -253,11 +252,26 @@ def _called(data: xr.Dataset, name: str) -> str:
     return str(data[name].attrs.get("long_name", name.replace("_", " ")))
 
 
-_DRAWN: dict[str, Callable[[xr.Dataset, Any], NDArray[Any]]] = {
-    "time": _over_time,
-    "frequency": _over_frequency,
-    "member": _over_members,
-    "candidate": draw_plan,
-    "quantity": draw_sheet,
-    "phase": _over_phase,
+class Drawn(NamedTuple):
+    """Kind of Dataset that `plot` draws: its title in a report, and the function that draws a dataset.
+
+    The function is given the dataset and axes, or None for those of a new figure; it returns the axes."""
+
+    title: str
+    draw: Callable[[xr.Dataset, Any], NDArray[Any]]
+
+
+# Kinds of Datasets by the dimension that they are drawn over; of several, the first is used.
+DRAWN = {
+    "time": Drawn("Recording", _over_time),
+    "frequency": Drawn("Frequency response", _over_frequency),
+    "member": Drawn("Members of an ensemble", _over_members),
+    "candidate": Drawn("Planned experiment", draw_plan),
+    "quantity": Drawn("Model from a data sheet", draw_sheet),
+    "phase": Drawn("Motion over a period", _over_phase),
 }
+
+
+def drawn_over(data: xr.Dataset) -> str | None:
+    """Return the dimension over which `plot` draws a dataset; None for a dataset that it cannot draw."""
+    return next((name for name in DRAWN if name in data.dims), None)

@@ -1,4 +1,4 @@
-"""Views of xarray Datasets: step maps, recordings, trajectories, frequency responses, ensembles."""
+"""Views of xarray Datasets, such as step maps, recordings, frequency responses and ensembles."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ import xarray as xr
 
 from ..document import Column, Document, Number, Picture, Section, Table
 from ..figures.design import is_map
-from ..figures.plotting import plot
+from ..figures.plotting import DRAWN, drawn_over, plot
 from ..figures.style import svg
 from ..viewing import document_of
 from .step_map import map_document
-
-_TITLES = {"time": "Recording", "frequency": "Frequency response", "member": "Members of an ensemble"}
 
 
 @document_of.register
@@ -26,25 +24,31 @@ def dataset_document(data: xr.Dataset) -> Document:
     if is_map(data):
         return map_document(data)
     axes = plot(data)  # raises QuantityError for a dataset that cannot be drawn
-    over = next(name for name in _TITLES if name in data.dims)
+    over = drawn_over(data)
+    assert over is not None
     coordinate = data[over]
-    title = str(data.attrs.get("title") or _TITLES[over])
-    numbers = {str(name): _range(one) for name, one in data.data_vars.items() if _is_real(one)}
+    title = str(data.attrs.get("title") or DRAWN[over].title)
+    numbers = {str(name): _range(one) for name, one in data.data_vars.items() if _has_range(one)}
     said = f"{data.sizes[over]} values over {over}"
-    if _is_real(coordinate) and coordinate.attrs.get("units"):
+    if _has_range(coordinate) and coordinate.attrs.get("units"):
         ends = [Number(float(value), str(coordinate.attrs["units"])) for value in coordinate.values[[0, -1]]]
         numbers[over] = {"first": ends[0], "last": ends[1]}
     picture = Picture("data", f"{title}.", svg(axes.flat[0].figure), f"{title}: every variable over {over}")
     return Document(
         title=title,
         summary=f"{said}: {', '.join(map(str, data.data_vars))}.",
-        sections=(Section(title, tables=(_ranges(data),), figures=(picture,)),),
+        sections=(Section(title, tables=_ranges(data), figures=(picture,)),),
         numbers=numbers,
     )
 
 
-def _is_real(one: xr.DataArray) -> bool:
-    return one.dtype.kind in "fiu" and one.size > 0
+def _has_range(one: xr.DataArray) -> bool:
+    """Return True for real numbers in one unit, not all NaN.
+
+    A variable without a unit of its own, but with a coordinate such as "parameter_unit", has several units.
+    """
+    several = "units" not in one.attrs and any(str(name).endswith("unit") for name in one.coords)
+    return one.dtype.kind in "fiu" and not several and not np.all(np.isnan(one))
 
 
 def _range(one: xr.DataArray) -> dict[str, Any]:
@@ -52,10 +56,11 @@ def _range(one: xr.DataArray) -> dict[str, Any]:
     return {"least": Number(float(np.nanmin(one)), unit), "largest": Number(float(np.nanmax(one)), unit)}
 
 
-def _ranges(data: xr.Dataset) -> Table:
+def _ranges(data: xr.Dataset) -> list[Table]:
     rows = [
         (str(one.attrs.get("long_name", name)), *_range(one).values())
         for name, one in data.data_vars.items()
-        if _is_real(one)
+        if _has_range(one)
     ]
-    return Table("Range of each variable.", (Column("variable"), Column("least"), Column("largest")), rows)
+    columns = (Column("variable"), Column("least"), Column("largest"))
+    return [Table("Range of each variable.", columns, rows)] if rows else []

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...quantities.units import QuantityError
 from ..document import Column, Document, Number, Picture, Section, Table
-from ..figures.design import MOST_PANELS, draw_map
+from ..figures.design import draw_map
 from ..figures.style import svg
 
 if TYPE_CHECKING:
@@ -28,7 +29,13 @@ def map_document(found: xr.Dataset) -> Document:
     said = f"{counts['converged']} of {size} points have a steady step."
     if best["speed"]:
         said += f" The fastest walk is at {_place(best['speed'])}."
-    section = Section("Map of the step", tables=(_points_table(found, counts),), figures=map_pictures(found))
+    figures, undrawn = map_pictures(found)
+    section = Section(
+        "Map of the step",
+        paragraphs=undrawn,
+        tables=(_points_table(found, counts),),
+        figures=figures,
+    )
     words = {"net_step": "longest step", "speed": "fastest walk"}
     highlights = [
         (words[name], Number(float(one["value"]), str(found[name].attrs["units"])))
@@ -60,31 +67,28 @@ def map_numbers(found: xr.Dataset) -> dict[str, Any]:
     return made
 
 
-def map_pictures(found: xr.Dataset) -> list[Picture]:
-    """Return pictures of step and speed, then of further results of a map that have values.
+def map_pictures(found: xr.Dataset) -> tuple[list[Picture], list[str]]:
+    """Return pictures of step and speed, then of further results of a map that have values; and sentences on
+    results that are not drawn, because their picture needs too many lines or panels.
 
-    The list is empty for a map without dimensions, or if a picture needs more than `MOST_PANELS` panels.
+    Both lists are empty for a map without dimensions.
     """
-    made = []
-    dims = found["net_step"].dims
-    panels = int(np.prod(sorted(found.sizes[d] for d in dims)[:-2])) if len(dims) > 2 else 1
-    if not dims or panels > MOST_PANELS:
-        return []
+    made, undrawn = [], []
     for name in ("net_step", "speed", "backlash", "backward_rate", "ringing", "ripple"):
-        if name not in found or not np.any(np.isfinite(found[name].values)):
+        if name not in found or not found[name].dims or not np.any(np.isfinite(found[name].values)):
             continue
-        figure = draw_map(found, name)[0].figure
         words = str(found[name].attrs["long_name"])
-        over = ", ".join(map(str, dims))
+        called = f"{words[0].upper()}{words[1:]}"
+        try:
+            figure = draw_map(found, name)[0].figure
+        except QuantityError as error:
+            undrawn.append(f"{called} is not drawn: {error}.")
+            continue
+        over = ", ".join(map(str, found[name].dims))
         made.append(
-            Picture(
-                f"map-{name.replace('_', '-')}",
-                f"{words[0].upper()}{words[1:]}.",
-                svg(figure),
-                f"{words} over {over}",
-            )
+            Picture(f"map-{name.replace('_', '-')}", f"{called}.", svg(figure), f"{words} over {over}")
         )
-    return made
+    return made, undrawn
 
 
 def _best(found: xr.Dataset, name: str) -> dict[str, Any]:
