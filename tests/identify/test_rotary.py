@@ -123,3 +123,25 @@ def test_a_file_in_milliradians_is_read_and_inspected(tmp_path) -> None:
     assert [x.attrs["units"] for x in seen.recording.data_vars.values()] == ["rad", "N m"]
     with pytest.raises(RecordingError, match="drive_voltage is a quantity in V"):
         ss.read_recording(path, {"time": "time", "drive_voltage": "angle"})
+
+
+@pytest.mark.parametrize("rotary", [False, True])
+def test_a_model_predicts_only_positions_of_its_own_unit(rotary: bool) -> None:
+    """A fit of the same linear model to angles is rotary, so that its predictions suit them."""
+    model = ss.load_actuator("kang2007").replace(stage_reaction=False)
+    walk = ss.simulate(model, DRIVE, 0.15, sample_rate=2e3)[["end_effector_position"]]
+    in_unit = {unit: walk.copy(deep=True) for unit in ("m", "rad")}
+    in_unit["rad"]["end_effector_position"].attrs["units"] = "rad"
+    other, own = ("m", "rad") if rotary else ("rad", "m")
+    predictor = ss.identify.Predictor(model.replace(rotary=rotary))
+    said = f"is in {other}, but the model moves in {own}: give an actuator with rotary = "
+    with pytest.raises(ss.QuantityError, match=said + ("false" if rotary else "true")):
+        ss.verify(predictor, in_unit[other], drive=DRIVE)
+    assert ss.verify(predictor, in_unit[own], drive=DRIVE).r_squared > 0.9999
+    fit = ss.identify_friction(in_unit["rad"], model, ["coulomb_force"], drive=DRIVE, hops=0, diagnose=False)
+    assert fit.model is not None
+    assert fit.model.rotary
+    for judged in (fit, ss.identify.Predictor(fit.model)):
+        assert ss.verify(judged, in_unit["rad"], drive=DRIVE).unit == "rad"
+        with pytest.raises(ValueError, match="is in m, but"):
+            ss.verify(judged, in_unit["m"], drive=DRIVE)

@@ -351,6 +351,7 @@ def verify(
     Raises:
         RecordingError: a channel is missing, too short, not finite or in another unit than the fit's; the
             prediction is not finite; or there is another number of waveforms than recordings.
+        QuantityError: positions are in m and the model of a `Predictor` moves in rad, or the other way round.
         ValueError: `fit` is neither a fit nor a `Predictor`.
         FitError: the fit cannot predict a recording; the message says why, and which fit can.
     """
@@ -361,8 +362,7 @@ def verify(
     if fit.predict is None:
         raise FitError(f"this fit predicts no recording: {fit.unpredicted or 'it has no model'}")
     found = recordings_of(recordings)
-    names = names_of(found)
-    drives = drives_of(drive, found)
+    names, drives = names_of(found), drives_of(drive, found)
     goods, predictions, steps, lacks, taken = [], [], [], [], []
     fitted = fit.recordings[0].unit if isinstance(fit, Fit) else ""
     judgement = fit.judgement if isinstance(fit, Fit) else DEFAULT

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from ...estimate.parameter import Values
 from ...physics.actuator import Actuator
 from ...quantities.records import Quantity, record
+from ...quantities.units import QuantityError, unit_for
 from ...recording import RecordingError
 from ...recording.chain import Chain
-from ..recorded.channels import names_of
+from ..recorded.channels import names_of, unit_of
 from ..recorded.known_noise import SIMULATED
 from .displacement import Displacement
 from .position_channel import OBSERVED
@@ -50,9 +51,16 @@ class Predictor(NamedTuple):
         waveform in the recording's time; None: the recording's own waveform or its channel drive_voltage.
 
         Raises:
+            QuantityError: the recorded position is in m and the model moves in rad, or the other way round.
             RecordingError: the motion cannot be simulated, or the recording shows no drive.
         """
         name, chain = names_of([recording])[0], self.chain
+        own, unit = unit_for(self.model, "m"), unit_of([recording], OBSERVED)
+        if OBSERVED in recording and unit != own:
+            raise QuantityError(
+                f"{OBSERVED} of {name} is in {unit}, but the model moves in {own}: give an actuator with "
+                f"rotary = {str(own == 'm').lower()}, or correct the unit of the recording"
+            )
         try:
             motion = Displacement(recording, drive, name, self.model, self.tolerance, chain.known_slew_rate)
             return motion.position(self.model, chain.delay) + chain.offset
