@@ -19,7 +19,7 @@ import pytest
 from stickslip.control import Pid, Regulator
 from stickslip.quantities.units import QuantityError
 from stickslip.recording import open_recording
-from stickslip.rig import Channel, LimitError, Limits, RigError, VirtualRig, regulate
+from stickslip.rig import Capture, Channel, LimitError, Limits, RigError, VirtualRig, measure, regulate
 from stickslip.rig.samples import recover
 from stickslip.waveform import Sine
 from stickslip.waveform.drive import Drive
@@ -186,6 +186,71 @@ def test_a_controller_that_never_answers_is_left_behind() -> None:
     released.set()  # it comes back, and finds nothing that runs
     assert rig.begin(("ideal",))
     rig.stop(1000.0)
+
+
+def test_samples_that_fail_after_a_controller_was_left_behind_are_a_note(tmp_path: Path) -> None:
+    rig, released, hangs = VirtualRig(ACTUATOR, BENCH), threading.Event(), threading.Event()
+
+    def never() -> float:
+        hangs.set()
+        return 30.0 if released.wait(300.0) else 0.0
+
+    def sees(block: dict[str, Any]) -> None:
+        if hangs.is_set():
+            raise ValueError("no place to draw")
+
+    limits, path = Limits(watchdog=2.0), tmp_path / "walk.nc"
+    with pytest.raises(LimitError, match="watchdog: nothing came from the controller") as caught:
+        regulate(rig, failing(550, never), 0.0, IDEAL, limits, 0.1, sees=sees, save=path)
+    released.set()
+    assert caught.value.__notes__ == ["The last samples failed too: ValueError no place to draw"]
+    kept = open_recording(tmp_path / "unfinished" / path.name)
+    assert kept.sizes["time"] == 550
+    assert caught.value.recording.identical(kept)  # type: ignore[attr-defined]
+    assert at_rest(rig)
+
+
+class Cut(VirtualRig):
+    """Whose driver raises an error of its own at the stop."""
+
+    def stop(self, slew: float) -> None:
+        super().stop(slew)
+        raise OSError("the cable is out")
+
+
+def test_a_stop_that_fails_in_any_way_is_a_note_and_the_recording_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "walk.nc"
+    wrong = failing(550, lambda: math.nan)
+    with pytest.raises(LimitError, match="asked for nan V") as caught:
+        regulate(Cut(ACTUATOR, BENCH), wrong, 0.0, IDEAL, Limits(), 0.1, save=path)
+    assert "The stop failed too (the cable is out): switch the amplifier off" in caught.value.__notes__[0]
+    assert open_recording(tmp_path / "unfinished" / path.name).sizes["time"] == 550
+    path = tmp_path / "drive.nc"
+    with pytest.raises(LimitError, match="beyond") as caught:
+        measure(
+            Cut(ACTUATOR, BENCH),
+            Sine("20 V", "50 Hz", offset="20 V"),
+            IDEAL,
+            Capture("40 ms", "50 us"),
+            Limits(min_position="-1 nm", max_position="1 nm"),
+            save=path,
+        )
+    assert "The stop failed too (the cable is out): switch the amplifier off" in caught.value.__notes__[0]
+    assert open_recording(tmp_path / "unfinished" / path.name).sizes["time"] > 1
+
+
+def test_a_controller_that_cannot_report_keeps_its_recording() -> None:
+    class Silent(Asking):
+        def told(self) -> dict[str, Any]:
+            raise ValueError("nothing to report")
+
+    with pytest.raises(LimitError, match="asked for nan V") as caught:
+        regulate(
+            VirtualRig(ACTUATOR, BENCH),
+            Silent(lambda tick: math.nan if tick == 100 else 1.0),
+            *(0.0, IDEAL, Limits(), 0.1),
+        )
+    assert caught.value.recording.sizes["time"] == 100  # type: ignore[attr-defined]
 
 
 def test_the_watchdog_waits_for_the_begin(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -260,7 +260,8 @@ class _Loop:
     def run(self, wanted: list[float], count: int, progress: Progress) -> BaseException | None:
         """Run the loop and then the ramp to 0 V; return the error that ended the run early, or None.
 
-        A failed ramp is an error too, see `stop_failed`.
+        A failed ramp is an error too, see `stop_failed`, and so is an error while the last samples are stored
+        or shown to `sees`. Only the first error is returned; later ones are notes of it.
 
         Args:
             wanted: target position at each update, m (rad).
@@ -281,11 +282,16 @@ class _Loop:
         self._left = True
         try:
             self._rig.stop(self._making.limits.stop_slew)
-        except RigError as error:
+        except BaseException as error:
             failure = stop_failed(error, failure)
-        thread.join(_GRACE)
-        if isinstance(self._rig, LoopRig):
-            self._take(self._rig.rest())
+        try:
+            thread.join(_GRACE)
+            if isinstance(self._rig, LoopRig):
+                self._take(self._rig.rest())
+        except BaseException as error:
+            if failure is None:
+                return error
+            failure.add_note(f"The last samples failed too: {type(error).__name__} {error}")
         return failure
 
     def _so_far(self) -> int:
@@ -334,6 +340,6 @@ class _Loop:
         return np.concatenate(self._blocks, axis=1)
 
     def statistics(self) -> dict[str, Any]:
-        """Return the statistics of the run by their names in `turns.STATISTICS`, see `LoopRig.said`."""
-        said = self._rig.said()
+        """Return the statistics of the run by their names in `turns.STATISTICS`."""
+        said = self._rig.statistics() if isinstance(self._rig, LoopRig) else self._rig.said()
         return {name: said[name] for name in STATISTICS if name in said}

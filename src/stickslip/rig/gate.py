@@ -193,5 +193,6 @@ def stop_failed(error: BaseException, failure: BaseException | None) -> BaseExce
         error.add_note(told)
     if failure is None:
         return error
-    failure.add_note(f"The stop failed too ({str(error).removesuffix(f'. {told}')}): {SWITCH_OFF}")
+    words = str(error).removesuffix(f". {told}") or type(error).__name__
+    failure.add_note(f"The stop failed too ({words}): {SWITCH_OFF}")
     return failure

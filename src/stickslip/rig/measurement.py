@@ -26,7 +26,7 @@ from .home import Home
 from .hosted import HostedRig
 from .interlock import enabled
 from .limits import LimitError, Limits, check_drive
-from .protocols import Array, Capabilities, Rig, RigError
+from .protocols import Array, Capabilities, Rig
 from .recorded import Channel, Making
 from .samples import Samples
 from .site import sited
@@ -344,6 +344,6 @@ def _run(
         failure = error
     try:
         gate.stop()
-    except RigError as error:
+    except BaseException as error:
         failure = stop_failed(error, failure)
     return np.concatenate(blocks, axis=1), failure

@@ -161,16 +161,20 @@ class LoopRig:
         self.rig.stop(slew)
 
     def said(self) -> dict[str, Any]:
-        """Return statistics of the updates, by the names in `STATISTICS`, and what the controller reports.
-
-        The statistics are the number of clipped requests, the longest and the mean computing time of `step`
-        [s], and the number of steps that took longer than an update. The controller reports JSON data by
-        name, by its method `told()`, if it has one.
-        """
+        """Return the `statistics` and what the controller reports: JSON data by name, by its method `told()`,
+        if it has one."""
         told = getattr(self.controller, "told", None)
+        return {**self.statistics(), **({} if told is None else told())}
+
+    def statistics(self) -> dict[str, Any]:
+        """Return statistics of the updates, by the names in `STATISTICS`.
+
+        They are the number of clipped requests, the longest and the mean computing time of `step` [s], and
+        the number of steps that took longer than an update.
+        """
         mean = self._total / max(self.count, 1)
         found = (self._guard.limited, self._slowest, mean, int(self._late))
-        return {**dict(zip(STATISTICS, found, strict=True)), **({} if told is None else told())}
+        return dict(zip(STATISTICS, found, strict=True))
 
     def _turns(self, end: int) -> None:
         step, exchange, guard, controller = (
