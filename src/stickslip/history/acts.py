@@ -7,7 +7,7 @@ import errno
 import json
 import os
 import threading
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -57,7 +57,7 @@ _READING = threading.Lock()
 
 def read_acts(folder: Path) -> list[dict[str, Any]]:
     """Return the logged actions of a folder, oldest first, each as a dictionary of the fields in `_FIELDS`
-    that it has. `name` is the present name of the run, after all later renamings.
+    that it has. `name` and `of` are the present names of the runs, after all later renamings.
 
     Damaged lines are left out, and so are all but the last `MOST_BYTES` of the log. If there is no time or
     memory to read the log, the list of the previous reading is returned. Without a readable log, or a
@@ -80,18 +80,38 @@ def read_acts(folder: Path) -> list[dict[str, Any]]:
             return []
 
 
-def present_names(acts: Iterable[dict[str, Any]]) -> dict[str, str]:
-    """Return a dictionary from each earlier name of a renamed run to its present name. If several runs had
-    one name, the first of them counts.
+class Renamed:
+    """Present names of renamed runs. A new run may have the earlier name of a renamed one.
 
     Args:
         acts: actions as `read_acts` returns them.
+        names: names of the runs that the folder contains now.
     """
-    found: dict[str, str] = {}
-    for one in acts:
-        if one["act"] == "renamed":
-            found.setdefault(one["was"], one["name"])
-    return found
+
+    def __init__(self, acts: Iterable[dict[str, Any]], names: Container[str]) -> None:
+        self._names = names
+        # Of each earlier name: time [s since 1970] of each renaming and the run's present name, oldest first.
+        self._later: dict[str, list[tuple[float, str]]] = {}
+        for one in acts:
+            if one["act"] == "renamed":
+                time = _seconds(one["time"])
+                self._later.setdefault(one["was"], []).append((time, one["name"]))
+
+    def present(self, name: str, time: float) -> str:
+        """Return the present name of the run that was called `name` at a time [s since 1970].
+
+        This is the name after the next renaming from then on. Without one, it is `name` if a run is called
+        so now, otherwise the name after the last renaming.
+        """
+        later = self._later.get(name, [])
+        found = next((new for at, new in later if at > time - 1.0), None)  # the log has whole seconds
+        return found or (later[-1][1] if later and name not in self._names else name)
+
+
+def _seconds(time: str) -> float:
+    """Return the time [s since 1970] of a text in ISO 8601; a text without a zone is in UTC."""
+    made = datetime.fromisoformat(time)
+    return (made if made.tzinfo else made.replace(tzinfo=UTC)).timestamp()
 
 
 def _acts_of(path: Path) -> list[dict[str, Any]]:
@@ -115,7 +135,7 @@ def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
     for line in filter(None, lines):
         try:
             one: dict[str, Any] = storable(load_json(line.decode("utf-8", "replace"), FILE))
-            datetime.fromisoformat(one["time"])
+            _seconds(one["time"])
             texts = ["act", "name", *(["was"] if one["act"] == "renamed" else [])]
             if all(isinstance(one[key], str) for key in texts):
                 found.append({key: one[key] for key in _FIELDS if isinstance(one.get(key), str)})
@@ -125,14 +145,14 @@ def _told(lines: Iterable[bytes]) -> list[dict[str, Any]]:
 
 
 def _with_present_names(acts: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return actions (oldest first), with the name that the run has after all later renamings as `name`."""
+    """Return actions (oldest first), with the names that the runs have after all later renamings as `name`
+    and, if it is there, `of`."""
     # From each earlier name to the present name, collected from the last action backwards.
     later: dict[str, str] = {}
     found = []
     for one in reversed(acts):
-        was = str(one["name"])
-        name = later.get(was, was)
-        found.append({**one, "name": name} if name != was else one)
+        names = {key: later[one[key]] for key in ("name", "of") if one.get(key) in later}
+        found.append({**one, **names} if names else one)
         if one["act"] == "renamed":
-            later[one["was"]] = name
+            later[one["was"]] = found[-1]["name"]
     return found[::-1]

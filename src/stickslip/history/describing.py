@@ -27,10 +27,11 @@ RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt", ".mf4")
 # Largest number of values of a list among the settings in the index; `_brief` replaces a longer list.
 MOST_LISTED = 50
 
-# Names of files in the folder of a fit or verification: the user's notes and tags (NOTE); kind of the run and
-# links to other runs (LINKS).
-NOTE, LINKS = "notes.json", "links.json"
-NOTES = (NOTE, LINKS)
+# Names of files beside the results.json of a fit or verification that `described_fit` reads: the user's notes
+# and tags (NOTE), kind of the run and links to other runs (LINKS), and the state of the fit on the panel's
+# pages (SHOWN).
+NOTE, LINKS, SHOWN = "notes.json", "links.json", "shown.json"
+BESIDE = (NOTE, LINKS, SHOWN)
 
 
 def described(recording: xr.Dataset) -> dict[str, Any]:
@@ -89,12 +90,10 @@ def described_fit(path: Path) -> dict[str, Any]:
         GateError: a file of the folder cannot be read, or leads out of it.
         RecordingError: a file of the folder is not valid.
     """
-    results, state, linked, said = (
-        _mapping(path.parent, name) for name in (path.name, "shown.json", LINKS, NOTE)
-    )
+    results, state, linked, said = (_mapping(path.parent, name) for name in (path.name, SHOWN, LINKS, NOTE))
     request, failures = state.get("request", {}), results.get("failures", [])
     if not isinstance(request, dict):
-        raise RecordingError("shown.json: its request is no mapping")
+        raise RecordingError(f"{SHOWN}: its request is no mapping")
     links = {
         "fitted": request.get("recordings", []),
         "verified": request.get("others", []),

@@ -14,7 +14,7 @@ from typing import Any
 
 from ..recording.readers.process import Reader, ReaderBusy
 from ..recording.replacing import BIN, to_bin
-from .acts import present_names, read_acts
+from .acts import Renamed, read_acts
 from .describing import described, described_fit, described_run, described_set
 from .storable import real_name, shown_name, storable_row, storable_text
 from .walking import LOGS, FoundRun, entries, is_run
@@ -74,9 +74,10 @@ class Index:
 
     def rows(self, search: str = "", **equal: str) -> list[dict[str, Any]]:
         """Return the rows of the index that match a search, the newest first, each as a dictionary of values
-        by column (see `runs`), with `settings` and `links` as JSON texts or "". Renamed runs have their
-        present names in the links, and the link "prediction" comes from the log of actions. A damaged table
-        is made again. Samples that killed programs left in the folder are first saved as recordings.
+        by column (see `runs`), with `settings` and `links` as JSON texts or "". A run that was renamed after
+        a link was made has its present name in the link. The link "prediction" comes from the log of actions.
+        A damaged table is made again. Samples that killed programs left in the folder are first saved as
+        recordings.
 
         Args:
             search: words that must all occur in the texts of a row; upper and lower case are the same.
@@ -89,25 +90,26 @@ class Index:
             if column not in COLUMNS:
                 raise ValueError(f"there is no column {column!r}; there are {', '.join(COLUMNS)}")
         try:
-            rows = self._found(search, equal)
+            rows, names = self._found(search, equal)
         except (sqlite3.DatabaseError, ValueError, RecursionError):
             # The file of the table is damaged.
             self.rebuild()
-            rows = self._found(search, equal)
+            rows, names = self._found(search, equal)
         acts = read_acts(self.folder)
         of = {one["name"]: str(one["of"]) for one in acts if "of" in one}
-        renamed = present_names(acts)
+        renamed = Renamed(acts, names)
         for row in rows:
-            links = row["links"]
+            made = row.pop("made")
+            now = {kind: [renamed.present(one, made) for one in ones] for kind, ones in row["links"].items()}
             if row["name"] in of:
-                links["prediction"] = [of[row["name"]]]
-            now = {kind: [renamed.get(name, name) for name in names] for kind, names in links.items()}
+                now["prediction"] = [of[row["name"]]]
             row["links"] = json.dumps(now, ensure_ascii=False) if now else ""
         return rows
 
-    def _found(self, search: str, equal: dict[str, str]) -> list[dict[str, Any]]:
-        """Update the table and return its rows that match, for `rows` with the same arguments; `links` is a
-        dictionary from kinds of links to lists of names."""
+    def _found(self, search: str, equal: dict[str, str]) -> tuple[list[dict[str, Any]], set[str]]:
+        """Update the table; return its rows that match, for `rows` with the same arguments, and the names of
+        all runs. In a row `links` is a dictionary from kinds of links to lists of names, and `made` the start
+        of the run or, for a user's own file, its last change, s since 1970."""
         with closing(self._opened()) as database:
             self._update(database)
             where, given = ["1"], list[str]()
@@ -119,13 +121,14 @@ class Index:
                     "instr(lower(" + " || ' ' || ".join(f"coalesce({c}, '')" for c in TEXTS) + "), ?)"
                 )
                 given.append(storable_text(word.lower()))
-            # Rows are sorted by the start of the run or, for a user's own file, by its last change.
-            made = "coalesce(CAST(strftime('%s', nullif(begun, '')) AS REAL), changed)"
+            made = "coalesce(CAST(strftime('%s', nullif(begun, '')) AS REAL), CAST(changed AS REAL))"
             chosen = (
-                f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY {made} DESC, changed DESC, name"
+                f"SELECT *, {made} AS made FROM runs WHERE {' AND '.join(where)} "
+                "ORDER BY made DESC, changed DESC, name"
             )
             rows = [dict(row) for row in database.execute(chosen, given)]
-        return [{**row, "links": json.loads(row["links"] or "{}")} for row in rows]
+            names = {name for (name,) in database.execute("SELECT name FROM runs")}
+        return [{**row, "links": json.loads(row["links"] or "{}")} for row in rows], names
 
     def binned(self) -> list[str]:
         """Return the names (paths in the folder before the deletion) of the files and folders of fits in the

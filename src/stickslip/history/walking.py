@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..rig.samples import SAMPLES, recover
-from .describing import NOTES, RECORDINGS
+from .describing import BESIDE, RECORDINGS
 
 SETS = "parameters"  # name of the laboratory's subfolder with parameter sets that were saved from fits
 LOGS = ("experiment.log", "experiment.yaml")  # an experiment's folder has at least one of these files
@@ -109,7 +109,7 @@ def _fit(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
     """Yield one `FoundRun` if a folder other than `root` is that of a fit (with results.json and report.html,
     without experiment.log); otherwise nothing.
 
-    Its time of change is the latest, and its size the sum, of results.json, notes.json and links.json.
+    Its time of change is the latest, and its size the sum, of results.json and of the files in `BESIDE`.
 
     Args:
         root: folder of the laboratory.
@@ -118,7 +118,7 @@ def _fit(root: str, folder: str, names: set[str]) -> Iterator[FoundRun]:
     """
     if folder == root or not {"results.json", "report.html"} <= names or "experiment.log" in names:
         return
-    files = ["results.json", *(one for one in NOTES if one in names)]
+    files = ["results.json", *(one for one in BESIDE if one in names)]
     parts = [part for one in files for part in _looked_at(root, os.path.join(folder, one), "fit")]
     if parts:
         problem = next((f"{one.problem} ({os.path.basename(one.path)})" for one in parts if one.problem), "")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..gate.text import MOST_BYTES, read_file, read_json
+from ..history.describing import SHOWN
 from ..history.storable import storable
 from ..quantities.registry import used_files
 from .fit_process import FitTask, work
@@ -20,7 +21,6 @@ from .stream import Hub, packed
 
 REPORTS = "fits"  # subfolder of the panel's folder that contains the reports of fits
 RUNNING = "running"  # value of "phase" for a fit that is running
-_SHOWN = "shown.json"  # file beside a report with the state of the fit as pages showed it
 # Largest file of curves that is read, bytes. A curve has about 2,000 points of 4 bytes.
 MOST_CURVES = 32_000_000
 
@@ -177,7 +177,7 @@ def _keep(folder: Folder, out: str, state: dict[str, Any], frames: dict[str, byt
     try:
         for kind, frame in frames.items():
             folder.path(f"{out}/shown_{kind}.bin").write_bytes(frame)
-        folder.path(f"{out}/{_SHOWN}").write_text(json.dumps(state), encoding="utf-8")
+        folder.path(f"{out}/{SHOWN}").write_text(json.dumps(state), encoding="utf-8")
     except OSError:
         return  # the fit's report is complete without these files
 
@@ -188,7 +188,7 @@ def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
     Files that cannot be read are skipped. Without a fit the state has the phase "none", and there are no
     curves.
     """
-    for path in sorted(folder.root.glob(f"{REPORTS}/*/{_SHOWN}"), reverse=True):
+    for path in sorted(folder.root.glob(f"{REPORTS}/*/{SHOWN}"), reverse=True):
         try:
             return _saved(folder, path)
         except Exception:
