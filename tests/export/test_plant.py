@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import re
 import subprocess
 
 import numpy as np
@@ -89,6 +91,21 @@ def test_a_jump_between_two_steps_is_said(tmp_path) -> None:
         program = compiled(tmp_path / f"{hertz}", tmp_path / f"{hertz}" / "host" / "walk.c")
         done = subprocess.run([program], capture_output=True, text=True, check=True)
         assert ("jumps between two steps" in done.stderr) == says
+
+
+def test_a_corner_between_two_steps_is_said_with_its_size(tmp_path) -> None:
+    """It is lost: the input is a straight line over each step."""
+    drive = Sawtooth(65.0, 80.0, 0.9, periods=3)
+    export_c(KANG, tmp_path / "c", waveform=drive)
+    program = compiled(tmp_path / "c", tmp_path / "c" / "host" / "walk.c", *QUICK)
+    done = subprocess.run([program], capture_output=True, text=True, check=True)
+    # The corner is in the middle of a step, where the error is (change of slope) h / 4.
+    bend = (65.0 / 0.9 + 65.0 / 0.1) * 80.0 * 20e-6 / 4
+    said = re.search(r"within a step of 2e-05 s the waveform differs by up to (\S+) V", done.stderr)
+    assert said
+    assert float(said[1]) == pytest.approx(bend, rel=0.01)
+    found = np.genfromtxt(io.StringIO(done.stdout), delimiter=",", names=True)
+    assert STATED["double"] < difference(KANG, drive, 3 / 80, found) < KANG.gain * bend
 
 
 @pytest.mark.parametrize("law", ALL, ids=name)
@@ -249,7 +266,8 @@ def test_a_long_rest_ends_in_no_nan(real, tmp_path) -> None:
     law = LuGre(2.4e6, 101.5, 0.0, 0.067, 0.067)
     model = KANG.replace(natural_frequency=3481.0, damping_ratio=0.345, end_effector_mass=9e-3, friction=law)
     drive = Sine(34.0, 14.3, offset=48.0, periods=4)
-    found = walk(model, tmp_path / "c", *REAL[real], waveform=drive, duration=2.0, step=2e-4)
+    step = drive.duration / 1399  # 0.2 ms; the corner at the end of the drive is at the end of a step
+    found = walk(model, tmp_path / "c", *REAL[real], waveform=drive, duration=2.0, step=step)
     late = found["end_effector_position"][found["time"] > 1.0]
     assert np.ptp(late) < 1e-9
     assert abs(late[0]) > 1e-6

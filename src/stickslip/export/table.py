@@ -19,6 +19,9 @@ from ..waveform.signal import Waveform
 
 _MOST_STEPS = 20_000_000
 _MOST_LINES = 20_000
+# Smallest difference between waveform and line within a step that is reported, as a multiple of the tolerance
+# of the table. A slow sine in long steps differs by less.
+_BENT = 10.0
 # Sizes of array operations in the search for lines, which only affect its speed. _SHORT: largest number of
 # steps of a line that is searched from many starts at once; _AT_ONCE: largest number of starts times steps in
 # this search; _LONG: largest number of steps searched at once for a longer line.
@@ -40,13 +43,15 @@ class Played(NamedTuple):
     """A waveform as a table of lines.
 
     `lines` cover one period (or the whole duration), `repeats` is the number of times that they are played,
-    and `unit` is the unit of their values.
+    and `unit` is the unit of their values. `missed` is the largest difference within a step between the
+    waveform and the straight line over this step, in `unit`, such as at a corner; 0 if it is small.
     """
 
     lines: list[TableLine]
     repeats: int
     unit: str
     between: bool = False  # True if the waveform jumps within a step; the table ramps over this step instead
+    missed: float = 0.0
 
     @property
     def steps(self) -> int:
@@ -100,17 +105,36 @@ def played(
             f"at {reached:g} s of {length:g} s: give a shorter one, or a longer step; if it repeats, a "
             "period of whole steps"
         )
-    return Played(lines, repeats, waveform.unit, _jumps_between(table, h, tolerance * (high - low)))
+    return Played(lines, repeats, waveform.unit, *_between(table, h, begin, end, tolerance * (high - low)))
 
 
-def _jumps_between(table: Drive, h: float, least: float) -> bool:
-    """Return True if a drive jumps within a step of h [s], not at the end of a step.
+def _between(
+    table: Drive, h: float, begin: NDArray[np.float64], end: NDArray[np.float64], least: float
+) -> tuple[bool, float]:
+    """Return what straight lines over whole steps miss of a drive within the steps.
 
-    Jumps up to `least`, in the drive's unit, do not count.
+    Args:
+        table: the drive.
+        h: time step, s.
+        begin, end: value of the drive at the start and at the end of each step.
+        least: jumps up to this one do not count, nor differences up to `_BENT` times as much, in the drive's
+            unit.
+
+    Returns:
+        Whether the drive jumps within a step, not at its end; and the largest difference between the drive
+        and its line in the other steps, at corners and in the middle, in the drive's unit.
     """
     breaks, nearly = table.start[1:], h * 1e-7
-    jump = np.abs(evaluate(table, breaks + nearly)[0] - evaluate(table, breaks - nearly)[0])
-    return bool(np.any((jump > least) & (np.abs(breaks / h - np.rint(breaks / h)) > 1e-6)))
+    jump = np.abs(evaluate(table, breaks + nearly)[0] - evaluate(table, breaks - nearly)[0]) > least
+    inside = np.abs(breaks / h - np.rint(breaks / h)) > 1e-6
+    times = np.concatenate((breaks[inside & ~jump], h * (np.arange(begin.size) + 0.5))) / h
+    times = times[(times < begin.size) & ~np.isin(np.floor(times), np.floor(breaks[inside & jump] / h))]
+    step = times.astype(np.int64)
+    line = begin[step] + (times - step) * (end[step] - begin[step])
+    missed = float(
+        np.max(np.abs(evaluate(table, np.multiply(h, times, dtype=np.float64))[0] - line), initial=0.0)
+    )
+    return bool(np.any(inside & jump)), missed if missed > _BENT * least else 0.0
 
 
 class _Steps(NamedTuple):
@@ -251,7 +275,9 @@ def table_h(name: str, what: str, table: Played, h: float) -> str:
         '#include "stickslip_player.h"\n\n'
         f"#define {upper}_STEP {h!r}\n"
         f"#define {upper}_REPEATS {table.repeats}L\n"
-        f"#define {upper}_JUMPS_BETWEEN {int(table.between)} /* 1: a jump is played over a step */\n\n"
+        f"#define {upper}_JUMPS_BETWEEN {int(table.between)} /* 1: a jump is played over a step */\n"
+        f"#define {upper}_MISSED {table.missed!r} /* largest difference from its line within a step */\n"
+        f'#define {upper}_UNIT "{table.unit}"\n\n'
         f"static const stickslip_line {upper}[] = {{\n{rows}\n}};\n\n"
         f"static const stickslip_player {upper}_START = {{\n"
         f"    {upper}, (int)(sizeof {upper} / sizeof {upper}[0]), {upper}_REPEATS, 0, 0L, 0L}};\n\n#endif\n"

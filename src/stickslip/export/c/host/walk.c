@@ -45,6 +45,11 @@ int main(void)
         fprintf(stderr, "walk: the waveform jumps between two steps of %.3g s, and is played over one: export with a shorter "
                 "step, or with one of which its period is a multiple\n", h);
     }
+    if (STICKSLIP_WAVEFORM_MISSED > 0.0) {
+        fprintf(stderr, "walk: within a step of %.3g s the waveform differs by up to %.3g %s from the straight line that is "
+                "played: export with a shorter step, or with one that ends at each corner of the waveform\n",
+                h, STICKSLIP_WAVEFORM_MISSED, STICKSLIP_WAVEFORM_UNIT);
+    }
     if ((bits & STICKSLIP_NOT_FOLLOWED) != 0) {
         fputs("walk: the integrator gave a step up: STICKSLIP_MOST_TRIES are too few, or the numbers too extreme; the motion "
               "is wrong\n", stderr);
