@@ -31,8 +31,8 @@ from stickslip.rig import (
 from stickslip.rig import samples as of_samples
 from stickslip.rig.description import own_device
 from stickslip.rig.gate import Gate, PositionInput
-from stickslip.rig.hosted import greeted
 from stickslip.rig.protocols import Capabilities
+from stickslip.rig.reaching import greeted
 from stickslip.rig.samples import recover
 from stickslip.rig.turns import LoopRig
 from stickslip.waveform.periodic import Sawtooth

@@ -19,8 +19,9 @@ from ..quantities.input_file import Strict
 from ..rig import RigError
 from ..rig.experiment.file import VirtualRigSpec
 from ..rig.experiment.laboratory import rigs_of
-from ..rig.hosted import Link, greeted
+from ..rig.hosted import Link
 from ..rig.interlock import FILE, Interlock, InterlockError
+from ..rig.reaching import greeted
 from ..rig.site import site_of
 from ..rig.wire import receive, send
 from .asking import asking

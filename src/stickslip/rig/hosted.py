@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import re
 import select
-import socket
-import sys
 import threading
 import time
 import warnings
@@ -20,18 +18,15 @@ import numpy as np
 
 from ..quantities.units import QuantityError
 from ..recording.calibration.storage import to_text
-from ..recording.replacing import read_small
 from .description import told_of
 from .gate import PositionInput
 from .interlock import HostedInterlock, InterlockError, arming
 from .limits import LONGEST_STOP, LimitError, Limits
-from .lock import own_folder
 from .plausibility import Plausibility
 from .protocols import Array, Capabilities, ControllerSpec, RigError, RigWarning, StopRequested
-from .supervisor import ANOTHER
+from .reaching import addressed, connected
 from .wire import receive, send
 
-STARTS = 30.0  # time in which a new process of a rig must answer, s
 UNANSWERED = "the rig does not answer: switch the amplifier off"
 KEPT = "the output may keep its voltage: switch the amplifier off"  # if the process ended during a run
 LATE = 1.0  # time without an answer to a stop after which people are asked to switch the amplifier off, s
@@ -69,7 +64,7 @@ class Link:
     def __init__(self, folder: Path, name: str) -> None:
         self.folder = folder
         self._lock = threading.Lock()
-        self._link = _connected(folder, name)
+        self._link = connected(folder, name)
         _LINKS.add(self)
 
     def ask(
@@ -147,7 +142,7 @@ def stop_all(most: float = 3.0) -> None:
     links = []
     for folder in {link.folder for link in list(_LINKS)}:
         # The request follows the greeting at once: a process that does not answer must not delay the others.
-        if (link := _addressed(folder, "a stop", 1.0)) is not None:
+        if (link := addressed(folder, "a stop", 1.0)) is not None:
             with suppress(OSError):
                 send(link, request)
             links.append(link)
@@ -332,94 +327,3 @@ class HostedRig:
 def position_document(name: str, calibration: Sequence[Any]) -> dict[str, Any]:
     """Return {"input": name, "calibration": [JSON texts]} of the input that measures the position."""
     return {"input": name, "calibration": [to_text(one) for one in calibration]}
-
-
-def _connected(folder: Path, name: str) -> socket.socket:
-    started: int | None = None
-    try:
-        own_folder(folder)
-    except OSError as error:
-        raise RigError(str(error)) from None
-    end = time.monotonic() + STARTS
-    while True:
-        link = greeted(folder, name)
-        if link is not None:
-            return link
-        left = None if started is None else _left(started)
-        if left not in (None, 0, ANOTHER):
-            raise RigError(f"the rig's process ended at once ({left}): {_last_line(folder / 'rig.log')}")
-        if started is None or left is not None:
-            started = _started(folder)
-        if time.monotonic() > end:
-            raise RigError(f"the rig's process does not answer; see {folder / 'rig.log'}")
-        time.sleep(0.02)
-
-
-def _started(folder: Path) -> int:
-    """Start the process of a rig and return its process number. The process has a session of its own, so
-    that neither Ctrl-C in the terminal nor the end of the terminal reaches it."""
-    command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
-    with suppress(OSError):  # keeps the error output of the previous process, which helps to find its fault
-        os.replace(folder / "rig.log", folder / "rig.log.before")
-    log = os.open(folder / "rig.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    try:
-        return os.posix_spawn(
-            sys.executable,
-            command,
-            os.environ,
-            file_actions=[
-                (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
-                (os.POSIX_SPAWN_DUP2, log, 1),
-                (os.POSIX_SPAWN_DUP2, log, 2),
-            ],
-            setsid=True,
-        )
-    finally:
-        os.close(log)
-
-
-def _last_line(log: Path) -> str:
-    """Return the last line that is not blank of the process's error output; if none, its path in words."""
-    lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
-    return next((line for line in reversed(lines) if line.strip()), f"see {log}")
-
-
-def _left(process: int) -> int | None:
-    """Return the exit code of a child process; None while it runs, 0 if it is unknown or no child."""
-    try:
-        ended, status = os.waitpid(process, os.WNOHANG)
-    except ChildProcessError:
-        return 0
-    return os.waitstatus_to_exitcode(status) if ended else None
-
-
-def greeted(folder: Path, name: str, within: float = 5.0) -> socket.socket | None:
-    """Return an accepted connection to the rig's process of a folder; None if none answers `within` s."""
-    link = _addressed(folder, name, within)
-    if link is None:
-        return None
-    try:
-        receive(link)
-        link.settimeout(None)
-    except (OSError, EOFError):
-        link.close()
-        return None
-    return link
-
-
-def _addressed(folder: Path, name: str, within: float) -> socket.socket | None:
-    """Return a connection, with a timeout of `within` s, to the rig's process of a folder; None without such
-    a process. The request "hello" was sent and is not answered yet."""
-    try:
-        known = read_small(folder / "rig.json") or {}
-        token, port = str(known["token"]), int(known["port"])
-        link = socket.create_connection(("127.0.0.1", port), timeout=within)
-    except (OSError, ValueError, LookupError, TypeError, OverflowError):  # no process, or a damaged rig.json
-        return None
-    try:
-        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        send(link, {"do": "hello", "token": token, "name": name, "pid": os.getpid()})
-    except OSError:
-        link.close()
-        return None
-    return link

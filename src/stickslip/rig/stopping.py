@@ -20,9 +20,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from .hosted import UNANSWERED, greeted
+from .hosted import UNANSWERED
 from .limits import LONGEST_STOP
 from .protocols import RigError
+from .reaching import greeted
 from .wire import receive, send
 
 ANSWERS = 1.0  # time, s, in which the rig's process must answer a request and start its ramp
