@@ -13,13 +13,14 @@ import yaml
 from typer.testing import CliRunner
 
 from stickslip.cli import app
-from stickslip.identify.results import model_numbers
+from stickslip.identify.results import chain_numbers, model_numbers
 from stickslip.identify.saved import save_fit
 from stickslip.identify.verification import net_step, verify
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.physics.actuator import load_actuator
 from stickslip.quantities.units import to_si
 from stickslip.recording import RecordingWarning, open_recording, save_recording
+from stickslip.recording.chain import Chain
 from stickslip.recording.readers import inspect_file, read_recording
 from stickslip.report import Document, Number, write_report
 from stickslip.simulation import simulate
@@ -92,6 +93,24 @@ def test_results_of_an_identification_are_verified(folder: Path) -> None:
     both = run(str(folder / "check.yaml"), str(folder / "walk.nc"), "--out", str(folder / "o6"))
     assert both.exit_code == 2
     assert "is a verification file and names its recordings" in both.stderr
+
+
+@pytest.mark.parametrize(("zeroed", "judged"), [(False, 501), (True, 211)])
+def test_the_report_says_how_many_samples_are_judged(folder: Path, zeroed: bool, judged: int) -> None:
+    """With the chain of a campaign, samples later than 5 % of the drive's duration after its end are cut."""
+    walk = simulate(MODEL, Sawtooth(**DRIVE["fields"]), 0.05, sample_rate=10e3, tolerance=1e-11)
+    save_recording(walk, folder / f"long-{judged}.nc")
+    numbers = {"model": model_numbers(MODEL), "signal_chain": chain_numbers(Chain(zeroed=zeroed))}
+    fit, out = folder / f"fit-{judged}", folder / f"out-{judged}"
+    write_report(Document("A fit", "Made.", [], numbers=numbers), fit)
+    done = run(str(fit / "results.json"), str(folder / f"long-{judged}.nc"), "--out", str(out))
+    assert done.exit_code == 0, done.stderr
+    results = json.loads((out / "results.json").read_bytes())
+    assert results["numbers"]["verification"][f"long-{judged}"]["n_data"]["value"] == judged
+    (table,) = results["tables"]
+    assert (table["columns"][1]["name"], table["rows"][0][1]) == ("samples", judged)
+    said = "long-211: 211 of 501 samples are judged, those up to shortly after the drive"
+    assert (said in (out / "report.html").read_text("utf-8")) == zeroed
 
 
 @pytest.mark.filterwarnings("default")

@@ -94,7 +94,7 @@ class VerificationAnalysis(Analysis, ModelOrFit):
             all_of_them = f"ll of the {count} requirements" if count > 1 else "ll that is required is"
             said += f" {'NOT a' if unmet else 'A'}{all_of_them} met."
         (section,) = made.sections
-        points = [*(f"required: {text}" for text in self.require), *section.points]
+        points = [*(f"required: {text}" for text in self.require), *section.points, *_said_cut(found, parts)]
         notes = (self.notes,) if self.notes else ()
         return replace(
             made,
@@ -140,6 +140,16 @@ def _verified(
         found.append(on_level(one, predictor.model))
     verified = verify(predictor, [one.recording for one in found], drive=[one.drive for one in found])
     return replace(verified, taken=tuple(said_drives(found)))
+
+
+def _said_cut(found: Verification, parts: Mapping[str, xr.Dataset]) -> list[str]:
+    """Return a sentence on each recording of which only a part is judged; `parts` are whole recordings."""
+    sizes = [(good, part.sizes["time"]) for good, part in zip(found.recordings, parts.values(), strict=True)]
+    return [
+        f"{good.name}: {good.n_data} of {size} samples are judged, those up to shortly after the drive"
+        for good, size in sizes
+        if good.n_data < size
+    ]
 
 
 def verification_analysis(

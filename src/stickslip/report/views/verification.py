@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 from ...identify.verification import Verification
@@ -40,12 +39,11 @@ def verification_document(found: Verification) -> Document:
     )
 
 
-def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
+def verification_table(found: Verification) -> Table:
     """Return a table with one row for each recording of a verification.
 
-    A row has r², the rms error, the measured net step per period, and the error of the predicted net step
-    [%]; the last two are empty if the net step is not known. `roles` are texts for a further column, one for
-    each recording, in the same order; if empty, there is no such column.
+    A row has the number of judged samples, r², the rms error, the measured net step per period, and the error
+    of the predicted net step [%]; the last two are empty if the net step is not known.
     """
     table = found.table
     rows = []
@@ -53,30 +51,18 @@ def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
         r_squared, rmse, step, error = (
             float(table[key][i]) for key in ("r_squared", "rmse", "net_step", "net_step_error")
         )
-        role = (roles[i],) if roles else ()
-        known = math.isfinite(step)
-        rows.append(
-            (
-                str(name),
-                *role,
-                r_squared,
-                rmse,
-                step if known else None,
-                100.0 * error if known else None,
-            )
-        )
-    columns = [
+        net = (step, 100.0 * error) if math.isfinite(step) else (None, None)
+        rows.append((str(name), int(table["n_data"][i]), r_squared, rmse, *net))
+    columns = (
+        Column("recording"),
+        Column("samples", ""),
         Column("r²", "", 5),
         Column("rms error", found.unit, 3),
         Column("net step, measured", found.unit),
-    ]
-    role = [Column("role")] if roles else []
-    return Table(
-        "Measured and predicted.",
-        (Column("recording"), *role, *columns, Column("error of the net step", "%", 2)),
-        rows,
-        notes="r² = (SST − SSE)/SST; the net step is the displacement per period of the drive.",
+        Column("error of the net step", "%", 2),
     )
+    notes = "r² = (SST − SSE)/SST; the net step is the displacement per period of the drive."
+    return Table("Measured and predicted.", columns, rows, notes=notes)
 
 
 def verification_numbers(found: Verification) -> dict[str, Any]:
