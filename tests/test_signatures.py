@@ -20,6 +20,7 @@ from public_names import everything
 import stickslip as ss
 from stickslip import control, design, study
 from stickslip.control.loops import sampled_loop
+from stickslip.identify.frequency.amplitude import AmplitudeModel
 from stickslip.physics import contact
 from stickslip.quantities.progress import Progress, unheard
 from stickslip.recording import calibration
@@ -81,6 +82,8 @@ def filled(other: inspect.Parameter, folder: Path) -> Any:
         return ss.Sawtooth(65.0, 5.0)
     if other.name == "fit":
         return SimpleNamespace(observed="position")
+    if "AmplitudeModel" in str(other.annotation):
+        return MODES
     # What says whether positions are in m or in rad.
     if other.name in OF_UNITS:
         return OF_UNITS[other.name]()
@@ -89,10 +92,14 @@ def filled(other: inspect.Parameter, folder: Path) -> Any:
 
 KANG = ss.load_actuator("kang2007")
 BENCH = ss.rig.load_bench("kang2007-bench")
+NONE = np.zeros((1, 1, 1))
+MODE = ss.identify.ModalModel(np.ones(1), np.ones(1), 0.0, NONE, NONE, NONE[0])
+MODES = AmplitudeModel(MODE, MODE, 1.0, 1.0, 0.5, 2.0)
 OF_UNITS: dict[str, Callable[[], Any]] = {
     "model": lambda: KANG,
     "source": lambda: KANG,
     "recording": walk,
+    "responses": lambda: [xr.Dataset({"response": ("frequency", [1e-6], {"units": "m/V"})})],
     "table": lambda: SimpleNamespace(unit="m"),
     "rig": lambda: ss.rig.VirtualRig(KANG, BENCH),
     "channels": lambda: {"end_effector_position": ss.rig.Channel("interferometer")},

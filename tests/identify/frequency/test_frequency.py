@@ -9,8 +9,11 @@ from scipy import signal
 from stickslip.identify.frequency.response import (
     ResponseError,
     frequency_response,
+    ratio_of,
+    units_of,
     welch_frequency_response,
 )
+from stickslip.quantities.units import QuantityError
 
 RATE = 1000.0
 # (outputs, inputs) of digital filters: numerator, denominator.
@@ -50,6 +53,31 @@ def test_periodic_response_is_exact_without_noise() -> None:
     assert np.all(found["coherence"] > 1 - 1e-12)
     band = frequency_response(*periodic(np.random.default_rng(1), 5), RATE, band=(50, 100))
     assert 50 <= band["frequency"].min() <= band["frequency"].max() <= 100
+
+
+def test_responses_in_other_units_become_si() -> None:
+    drive, response = periodic(np.random.default_rng(1), 5)
+    found = frequency_response(drive, response, RATE)
+    same = frequency_response(1e3 * drive, 1e6 * response, RATE, units=("mV", "um"))
+    for name in ("response", "deviation", "noise_deviation"):
+        assert same[name].values == pytest.approx(found[name].values, rel=1e-9, abs=1e-12)
+        assert same[name].attrs["units"] == "m/V"
+    assert float(same["drive_rms"]) == pytest.approx(float(found["drive_rms"]))
+    u, y = drive[:, :, 0, 0], 1e3 * response[:, :, 0, 0]
+    welch = welch_frequency_response(u, y, RATE, segment=64, units=("A", "mrad"))
+    expected = welch_frequency_response(u, 1e-3 * y, RATE, segment=64)
+    assert welch["response"].values == pytest.approx(expected["response"].values)
+    assert (welch["response"].attrs["units"], welch["drive_rms"].attrs["units"]) == ("rad/A", "A")
+    with pytest.raises(QuantityError, match="the unit 'gizmos' is not known"):
+        frequency_response(drive, response, RATE, units=("V", "gizmos"))
+
+
+@pytest.mark.parametrize("units", [("V", "m"), ("A", "rad"), ("V", "m/s"), ("V", ""), ("", "m"), ("", "")])
+def test_units_of_a_response_and_its_drive(units: tuple[str, str]) -> None:
+    drive, response = periodic(np.random.default_rng(1), 5)
+    found = frequency_response(drive, response, RATE, units=units)
+    assert units_of(found) == units_of(found.drop_vars("drive_rms")) == units
+    assert found["response"].attrs["units"] == ratio_of(units)
 
 
 def test_deviations_are_those_of_repeated_experiments() -> None:

@@ -18,6 +18,7 @@ from stickslip.identify.frequency.amplitude import law, law_by_exponent
 from stickslip.identify.frequency.in_time import held_response
 from stickslip.identify.frequency.modal import modal_response
 from stickslip.identify.frequency.response import frequency_response
+from stickslip.quantities.units import QuantityError
 from stickslip.recording import RecordingWarning
 
 from .modal_system import SAMPLE_RATE, multisines
@@ -256,6 +257,38 @@ def test_two_levels_take_the_exponent_as_given() -> None:
     assert any("two levels do not show the exponent" in said for said in fit.remarks)
     assert identify_levels(responses[::-1], 3).values == pytest.approx(fit.values)  # in any order
     assert identify_levels(responses, 3, ["100 mV", 0.2]).values == pytest.approx(fit.values, rel=1e-6)
+
+
+def test_levels_of_a_current_are_in_amperes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(16)
+    truth = random_truth(rng)
+    poles = list(zip(truth.omega / (2 * np.pi), truth.zeta, strict=True))
+    volts = measured(truth, rng, (0.1, 0.2))
+    drive = drives(rng, 0.15)
+    amperes = []
+    for rms in (0.1, 0.2):
+        one = drives(rng, rms)
+        angle = truth.steady(one) + 1e-10 * rng.standard_normal(one.shape)
+        amperes.append(frequency_response(1e3 * one, 1e3 * angle, SAMPLE_RATE, units=("mA", "mrad")))
+    fit = identify_levels(amperes, poles, ["100 mA", "0.2 A"])
+    assert {p.name: p.unit for p in fit.parameters}["gain_1[1,1]"] == "rad/A"
+    assert fit.model.units == ("A", "rad")
+    assert fit.model.amplitude == pytest.approx(np.sqrt(0.02))
+    assert at_amplitude(fit.model, "150 mA").unit == "rad/A"
+    ss.identify.save_fit(fit, tmp_path / "levels.json")
+    assert ss.identify.load_fit(tmp_path / "levels.json").model.units == ("A", "rad")
+    with pytest.raises(QuantityError, match="amplitude"):
+        at_amplitude(fit.model, "0.15 V")
+    with pytest.raises(QuantityError, match="amplitudes"):
+        identify_levels(amperes, poles, ["100 mV", "0.2 V"])
+    with pytest.warns(RecordingWarning, match=r"0\.3 A rms is outside of the levels .* to 0\.2 A rms"):
+        predict_response(fit.model, drive, SAMPLE_RATE, amplitude="0.3 A")
+    one_input = identify_frequency(amperes[0].isel(output=[0], input=[0]), poles).model
+    recording = ss.make_recording(np.arange(1000) / SAMPLE_RATE, {"drive_voltage": drive[:, 0, 0]})
+    with pytest.raises(FitError, match="the model's drive is in A, not V"):
+        predict_response(one_input, recording)
+    with pytest.raises(FitError, match="the levels differ in their units: rad/A and m/V"):
+        identify_levels([amperes[0], volts[1]], poles)
 
 
 def test_what_it_needs() -> None:

@@ -57,3 +57,5 @@ def test_parts_that_no_stage_has_are_refused() -> None:
         with_modes(KANG, bent)
     with pytest.raises(QuantityError, match="remainder"):
         with_modes(KANG, MODES._replace(remainder=np.full((1, 1), 1e-8)))
+    with pytest.raises(QuantityError, match="the modal model is in rad/A, but the actuator's gain in m/V"):
+        with_modes(KANG, MODES._replace(units=("A", "rad")))

@@ -153,6 +153,26 @@ def test_orders_outputs_and_files_to_test(tmp_path: Path) -> None:
     assert document.numbers["low"]["static_gain"].value == pytest.approx(1.01 * expected, rel=0.02)
 
 
+def test_a_response_of_an_angle_to_a_current_is_reported_in_its_units(tmp_path: Path) -> None:
+    poles = list(zip((modal_system.OMEGA / (2 * np.pi)).tolist(), modal_system.ZETA.tolist(), strict=True))
+    asked = {"output": 1, "modes": [list(map(list, poles))], "time_domain": ["low"]}
+    document = run_file(mirror_file(tmp_path, units=["mA", "urad"], **asked))
+    for numbers in (document.numbers["low"], document.numbers["all_levels"]):
+        assert numbers["rmse"].unit == numbers["parameters"]["gain_1[1,1]"].unit == "rad/A"
+        # The arrays are in V and m for the truth, and here in mA and urad.
+        gain = numbers["parameters"]["gain_1[1,1]"].value
+        assert gain == pytest.approx(1e-3 * modal_system.GAIN[0, 0, 0], rel=0.06)
+    together = document.numbers["all_levels"]
+    for level in (together["levels"]["low"], together["levels_not_seen"]["mid"]):
+        assert level["rms_error_held_out"].unit == "rad"
+    (section,) = (s for s in document.sections if s.title == "One model for all levels")
+    errors, modes = section.tables
+    assert {cell.unit for row in errors.rows for cell in row[1:] if cell} == {"rad"}
+    assert modes.caption.startswith("Modes at 0.00019 A rms")
+    with pytest.raises(AnalysisError, match="'units' has 'gizmos', which is not known"):
+        run_file(mirror_file(tmp_path, units=["gizmos", "m"]))
+
+
 def test_files_to_test_of_another_mirror_are_refused(tmp_path: Path) -> None:
     file = mirror_file(tmp_path)
     np.save(tmp_path / "test_y_mid.npy", np.ones((1000, 3, 2, 2)))

@@ -114,3 +114,17 @@ def test_a_bode_plot_of_an_actuator_and_of_a_regulator() -> None:
     assert "rad/V" in ss.bode(turning)[0].get_ylabel()
     with pytest.raises(QuantityError, match=r"int has no frequency response: give an actuator"):
         ss.bode(3)
+
+
+@pytest.mark.parametrize(("units", "label"), [(("A", "rad"), "gain (rad/A)"), (("V", "um"), "gain (µm/V)")])
+def test_a_bode_plot_of_a_modal_fit_has_the_unit_of_the_fit(units: tuple[str, str], label: str) -> None:
+    drive = np.random.default_rng(0).standard_normal((500, 1, 2, 1))
+    mode = 1.0 / (1.0 - (np.fft.rfftfreq(500, 1e-3) / 100.0) ** 2 + 0.1j * np.fft.rfftfreq(500, 1e-3) / 100.0)
+    moved = 2.0 * np.fft.irfft(mode[:, None, None, None] * np.fft.rfft(drive, axis=0), 500, axis=0)
+    moved += 1e-3 * np.random.default_rng(1).standard_normal(moved.shape)
+    response = ss.identify.frequency_response(drive, moved, "1 kHz", units=units, band=("5 Hz", "400 Hz"))
+    fit = ss.identify_frequency(response, [("100 Hz", 0.05)], complex_modes=False, remainder=False)
+    for model in (fit, fit.model):
+        gain, _ = ss.bode(model, [1.0])
+        assert gain.get_ylabel() == label
+        assert gain.lines[0].get_ydata()[0] == pytest.approx(2.0, rel=0.01)

@@ -49,8 +49,8 @@ class AmplitudeModel(NamedTuple):
         slope: change per relative change of the amplitude there: relative for natural frequencies and damping
             ratios, in their unit for gain, rate gain and remainder, 0 for the delay.
         exponent: p, the exponent of the amplitude law.
-        amplitude: the reference amplitude a_0, V rms.
-        lowest, highest: range of the fitted amplitudes, V rms.
+        amplitude: the reference amplitude a_0 of the drive, rms, in the drive's unit.
+        lowest, highest: range of the fitted amplitudes, rms, in the drive's unit.
     """
 
     reference: ModalModel
@@ -60,28 +60,34 @@ class AmplitudeModel(NamedTuple):
     lowest: float
     highest: float
 
+    @property
+    def units(self) -> tuple[str, str]:
+        """Return the SI units of drive and response."""
+        return self.reference.units
+
 
 def at_amplitude(model: AmplitudeModel, amplitude: float | str) -> ModalModel:
-    """Return the modal model at an amplitude [V rms].
+    """Return the modal model at an amplitude of the drive (rms, in the drive's unit).
 
     Raises:
-        QuantityError: the amplitude is not a voltage.
+        QuantityError: the amplitude has another dimension than the drive.
         FitError: the amplitude is not above zero.
 
     Warns:
         RecordingWarning: the amplitude is outside the range that the model was fitted to.
     """
-    volts = to_si(amplitude, "V", "amplitude")
-    if not 0.0 < volts < np.inf:
-        raise FitError(f"amplitude = {volts:g} V must be above 0 V: a model has no modes at rest")
-    if not model.lowest * (1 - ALIKE) <= volts <= model.highest * (1 + ALIKE):
+    unit = model.units[0]
+    rms = to_si(amplitude, unit, "amplitude")
+    if not 0.0 < rms < np.inf:
+        raise FitError(f"amplitude = {rms:g} {unit} must be above 0 {unit}: a model has no modes at rest")
+    if not model.lowest * (1 - ALIKE) <= rms <= model.highest * (1 + ALIKE):
         warnings.warn(
-            f"{volts:.4g} V rms is outside of the levels that the model was fitted to, {model.lowest:.4g} to "
-            f"{model.highest:.4g} V rms: nothing says that its law holds there",
+            f"{rms:.4g} {unit} rms is outside of the levels that the model was fitted to, {model.lowest:.4g} "
+            f"to {model.highest:.4g} {unit} rms: nothing says that its law holds there",
             RecordingWarning,
             stacklevel=2,
         )
-    start, slope, x = model.reference, model.slope, float(law(volts / model.amplitude, model.exponent))
+    start, slope, x = model.reference, model.slope, float(law(rms / model.amplitude, model.exponent))
     return ModalModel(
         start.natural_frequency * np.exp(slope.natural_frequency * x),
         start.damping_ratio * np.exp(slope.damping_ratio * x),
@@ -89,6 +95,7 @@ def at_amplitude(model: AmplitudeModel, amplitude: float | str) -> ModalModel:
         start.gain + slope.gain * x,
         start.rate_gain + slope.rate_gain * x,
         start.remainder + slope.remainder * x,
+        start.units,
     )
 
 
@@ -105,29 +112,36 @@ def predict_response(
     Args:
         model: `model` of a fit by `identify_levels`, or by `identify_frequency`, which is the same at all
             amplitudes.
-        drive: V, shape (samples,), (samples, inputs) or (samples, inputs, realisations); or a recording with
-            drive_voltage, of an actuator with one input.
+        drive: in the unit of the model's drive, shape (samples,), (samples, inputs) or (samples, inputs,
+            realisations); or a recording with drive_voltage, of an actuator with one input.
         sample_rate: sample rate of an array, Hz; a recording's own rate is used instead.
-        amplitude: V rms, for all realisations; by default the rms of each realisation's drive about its mean,
-            over all inputs. Give the amplitude if the drive contains a long rest.
+        amplitude: rms amplitude of the drive, in its unit, for all realisations; by default the rms of each
+            realisation's drive about its mean, over all inputs. Give the amplitude if the drive contains a
+            long rest.
         periodic: True: the drive is whole periods of a steady state, without power above half the sample
             rate. False: the motion starts at rest, and the drive is held from sample to sample.
 
     Returns:
-        Response in m for gains in m/V, in the shape of the drive with outputs for inputs. A drive of shape
-        (samples,) gives (samples,) for one output, else (samples, outputs).
+        Response in the unit of the model's response, in the shape of the drive with outputs for inputs. A
+        drive of shape (samples,) gives (samples,) for one output, else (samples, outputs).
 
     Raises:
-        QuantityError: the sample rate is not a frequency, or the amplitude not a voltage.
+        QuantityError: the sample rate is not a frequency, or the amplitude has another dimension than the
+            drive.
         RecordingError: the drive_voltage of a recording is missing, too short, not finite or in a wrong unit.
-        FitError: the drive's shape does not fit, the sample rate of an array is missing, or the amplitude is
-            0, as for a constant drive.
+        FitError: the drive's shape does not fit, the sample rate of an array is missing, the amplitude is 0,
+            as for a constant drive, or a recording is given and the model's drive is not a voltage.
 
     Warns:
         RecordingWarning: an amplitude is outside the range that the model was fitted to.
     """
-    rate, rms = optional_si(sample_rate, "Hz", "sample_rate"), optional_si(amplitude, "V", "amplitude")
+    rate, rms = (
+        optional_si(sample_rate, "Hz", "sample_rate"),
+        optional_si(amplitude, model.units[0], "amplitude"),
+    )
     if isinstance(drive, xr.Dataset):
+        if model.units[0] != "V":
+            raise FitError(f"the model's drive is in {model.units[0]}, not V: give the drive as an array")
         (name,) = names_of([drive])
         time = drive["time"].to_numpy()
         drive, rate = channel(drive, "drive_voltage", name), float((time.size - 1) / (time[-1] - time[0]))
@@ -136,14 +150,14 @@ def predict_response(
     given = np.asarray(drive, dtype=float)
     reference = model if isinstance(model, ModalModel) else model.reference
     n_outputs, n_inputs = reference.remainder.shape
-    volts = given.reshape(*given.shape, *(1,) * (3 - given.ndim))
-    if volts.ndim != 3 or volts.shape[1] != n_inputs:
+    values = given.reshape(*given.shape, *(1,) * (3 - given.ndim))
+    if values.ndim != 3 or values.shape[1] != n_inputs:
         raise FitError(
             f"the drive has the shape {given.shape}, not (samples, {n_inputs} inputs, realisations)"
         )
-    found = np.empty((len(volts), n_outputs, volts.shape[2]))
-    for r in range(volts.shape[2]):
-        u = volts[..., r]
+    found = np.empty((len(values), n_outputs, values.shape[2]))
+    for r in range(values.shape[2]):
+        u = values[..., r]
         own = _at(model, drive_rms(u) if rms is None else rms)
         found[..., r] = steady_response(own, u, rate) if periodic else held_response(own, u, rate)
     if given.ndim == 1 and n_outputs == 1:
@@ -151,8 +165,8 @@ def predict_response(
     return found if given.ndim == 3 else found[..., 0]
 
 
-def _at(model: ModalModel | AmplitudeModel, volts: float) -> ModalModel:
-    return model if isinstance(model, ModalModel) else at_amplitude(model, volts)
+def _at(model: ModalModel | AmplitudeModel, rms: float) -> ModalModel:
+    return model if isinstance(model, ModalModel) else at_amplitude(model, rms)
 
 
 def law(ratio: float | Array, p: float) -> Array:

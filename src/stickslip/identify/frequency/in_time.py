@@ -32,13 +32,13 @@ from .modal import UNPREDICTED, ModalModel, pole_parameters
 def held_response(
     model: ModalModel, drive: np.ndarray, sample_rate: float, *, periodic: bool = False
 ) -> np.ndarray:
-    """Return the response to a drive that is held between samples, in m for gains in m/V, shape (samples,
-    outputs, ...).
+    """Return the response to a drive that is held between samples, in the unit of the response, shape
+    (samples, outputs, ...).
 
     Args:
         model: modes, gains and a delay. With a negative delay, the response leads the drive, which keeps its
             last value after its last sample.
-        drive: V, shape (samples, inputs, ...).
+        drive: in the drive's unit, shape (samples, inputs, ...).
         sample_rate: Hz.
         periodic: True: the drive is one period of a steady state; False: the motion starts at rest.
     """
@@ -110,7 +110,6 @@ def identify_in_time(
     start: ModalModel,
     *,
     periodic: bool = False,
-    unit: str = "m/V",
     correlated: bool = True,
     tied: Mapping[str, str] | None = None,
     progress: Progress = unheard,
@@ -118,14 +117,13 @@ def identify_in_time(
     """Fit a modal model to recordings by free simulation; all recordings and channels share poles and delay.
 
     Args:
-        drive: drive voltage, V, shape (samples, inputs, recordings).
-        response: response, in the unit of the numerator of `unit`, shape (samples, outputs, recordings).
+        drive: drive, shape (samples, inputs, recordings), in the first of the units of `start`.
+        response: response, shape (samples, outputs, recordings), in the second of the units of `start`.
         sample_rate: Hz.
         start: model with the initial poles. Its delay, less the half sample by which the hold delays (at
             least 0), is kept fixed: within a sample, gain and rate gain can replace a delay. Its gains are
             not used; all gains are found by linear least squares.
         periodic: the recordings are one period of a steady state; otherwise they start at rest.
-        unit: unit of response per drive.
         correlated: allow for residuals that are correlated in time, as model errors always are.
         tied: poles that follow from others, as for `identify_frequency`.
         progress: called during the work with a text and the fraction done.
@@ -180,8 +178,10 @@ def identify_in_time(
     recordings = []
     for o, measured in enumerate(in_rows(np.moveaxis(response, 0, -1)), 1):
         channels = [""] if n_inputs * n_outputs == 1 else [f"[{o},{i}]" for i in range(1, n_inputs + 1)]
-        coefficients = tuple((name + channel, unit) for name in [*names, "remainder"] for channel in channels)
-        recordings.append(SeparableRecording(measured, None, coefficients, f"output {o}", unit.split("/")[0]))
+        coefficients = tuple(
+            (name + channel, start.unit) for name in [*names, "remainder"] for channel in channels
+        )
+        recordings.append(SeparableRecording(measured, None, coefficients, f"output {o}", start.units[1]))
     poles = list(zip(start.natural_frequency, start.damping_ratio, strict=True))
     parameters = pole_parameters(poles, (np.pi / (n_samples * sample), np.pi * sample_rate))
     problem = separable(recordings, designs, with_ties(parameters, tied), correlated=correlated)
@@ -191,7 +191,7 @@ def identify_in_time(
     found = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
     found = found.reshape(n_outputs, 2 * n_modes + 1, n_inputs)
     gain, rate_gain = found[:, :-1].reshape(n_outputs, n_modes, 2, n_inputs).transpose(2, 1, 0, 3)
-    model = ModalModel(searched[0::2], searched[1::2], delay, gain, rate_gain, found[:, -1])
+    model = ModalModel(searched[0::2], searched[1::2], delay, gain, rate_gain, found[:, -1], start.units)
     matrices = [one.matrix for one in designs(fit.values)]
     per_mode = [list(range(2 * m * n_inputs, 2 * (m + 1) * n_inputs)) for m in range(n_modes)]
     seen = chances(fit, matrices, per_mode, n_samples)

@@ -33,6 +33,7 @@ from .modal import (
     real_over_imaginary,
     starts_of,
 )
+from .response import ratio_of, units_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -70,7 +71,8 @@ def identify_levels(
         responses: one for each level, from `frequency_response`, or selections of the same outputs and
             inputs; weighted as in `identify_frequency`.
         modes: number of modes, or their initial values at the middle level; see `identify_frequency`.
-        amplitudes: V rms of the drive at each level; by default the "drive_rms" of each response.
+        amplitudes: rms of the drive at each level, in the drive's unit; by default the "drive_rms" of each
+            response.
         exponent: fixed exponent p of the law, see `amplitude`; by default it is fitted to three or more
             levels. Two levels do not determine the exponent; it is then 0.5, and a remark says so.
         complex_modes, remainder, noise_known, correlated, progress: as for `identify_frequency`.
@@ -83,24 +85,26 @@ def identify_levels(
         `at_amplitude` and `predict_response`.
 
     Raises:
-        QuantityError: an amplitude is no voltage, or an initial value in `modes` no frequency.
-        FitError: fewer than two levels, two of nearly the same amplitude, levels of different channels,
-            responses without deviations, missing amplitudes, an exponent outside -3 to 4, or see
+        QuantityError: an amplitude has another dimension than the drive, or an initial value in `modes` is no
+            frequency.
+        FitError: fewer than two levels, two of nearly the same amplitude, levels of different channels or
+            units, responses without deviations, missing amplitudes, an exponent outside -3 to 4, or see
             `identify_frequency`.
     """
-    given = None if amplitudes is None else [to_si(one, "V", "amplitudes") for one in amplitudes]
+    units = units_of(responses[0]) if responses else ("V", "m")
+    given = None if amplitudes is None else [to_si(one, units[0], "amplitudes") for one in amplitudes]
     starts_of(modes)
-    volts = _amplitudes(responses, given)
-    order = np.argsort(volts)
-    volts, levels = volts[order], [_with_channels(responses[i]) for i in order]
-    _check(levels, volts)
+    rms = _amplitudes(responses, given, units[0])
+    order = np.argsort(rms)
+    rms, levels = rms[order], [_with_channels(responses[i]) for i in order]
+    _check(levels, rms, units)
     kind = ModalForm(complex_modes, remainder)
     progress("fitting the level in the middle", 0.0)
     middle = levels[len(levels) // 2]
     found = identify_frequency(middle, modes, complex_modes=complex_modes, remainder=remainder).model
     poles = np.append(np.stack(found[:2], axis=1).ravel(), found.delay)
     start, remarks = _exponent(exponent, len(levels))
-    problem = _Levels(levels, volts, poles, start, kind)
+    problem = _Levels(levels, rms, poles, start, kind)
     options = {"noise_known": noise_known, "correlated": correlated}
     described = separable(problem.recordings(), problem.designs, problem.parameters, **options)
     fit = fit_least_squares(described, tolerance=1e-8, progress=_second_half(progress))
@@ -131,9 +135,9 @@ def _second_half(progress: Progress) -> Progress:
     return lambda said, share: within(progress, 0.5, 0.5, said, share)
 
 
-def _amplitudes(responses: Sequence[xr.Dataset], given: Sequence[float] | None) -> Array:
-    """Return the amplitude of each level, V rms, shape (levels,): `given`, or else "drive_rms" of each
-    response.
+def _amplitudes(responses: Sequence[xr.Dataset], given: Sequence[float] | None, unit: str) -> Array:
+    """Return the rms amplitude of each level, in the drive's `unit`, shape (levels,): `given`, or else
+    "drive_rms" of each response.
 
     Raises:
         FitError: a response lacks "drive_rms", the numbers differ, or an amplitude is not above 0.
@@ -145,10 +149,10 @@ def _amplitudes(responses: Sequence[xr.Dataset], given: Sequence[float] | None) 
         given = [float(r["drive_rms"]) for r in responses]
     if len(given) != len(responses):
         raise FitError(f"{len(given)} amplitudes for {len(responses)} responses")
-    volts = np.array(given, dtype=float)
-    if not np.all((volts > 0.0) & np.isfinite(volts)):
-        raise FitError(f"amplitudes {volts.tolist()} V must be above 0 V")
-    return volts
+    rms = np.array(given, dtype=float)
+    if not np.all((rms > 0.0) & np.isfinite(rms)):
+        raise FitError(f"amplitudes {rms.tolist()} {unit} must be above 0 {unit}")
+    return rms
 
 
 def _with_channels(response: xr.Dataset) -> xr.Dataset:
@@ -156,14 +160,19 @@ def _with_channels(response: xr.Dataset) -> xr.Dataset:
     return response.expand_dims(missing).transpose("frequency", "output", "input")
 
 
-def _check(levels: Sequence[xr.Dataset], volts: Array) -> None:
-    """Raise FitError unless there are at least two levels with the same channels, different amplitudes
-    `volts` (V rms, ascending), and deviations above 0."""
+def _check(levels: Sequence[xr.Dataset], rms: Array, units: tuple[str, str]) -> None:
+    """Raise FitError unless there are at least two levels with the same channels and `units`, different
+    amplitudes `rms` (ascending), and deviations above 0."""
     if len(levels) < 2:
         raise FitError("one level does not show what changes with the amplitude: there must be two or more")
-    for low, high in pairwise(volts):
+    for low, high in pairwise(rms):
         if high <= low * (1 + ALIKE):
-            raise FitError(f"two levels are alike, {low:.4g} and {high:.4g} V rms: join their realisations")
+            raise FitError(
+                f"two levels are alike, {low:.4g} and {high:.4g} {units[0]} rms: join their realisations"
+            )
+    for other in map(units_of, levels):
+        if other != units:
+            raise FitError(f"the levels differ in their units: {ratio_of(units)} and {ratio_of(other)}")
     for axis in ("output", "input"):
         if any(not np.array_equal(level[axis], levels[0][axis]) for level in levels):
             raise FitError(f"the levels differ in their {axis}s")
@@ -218,7 +227,7 @@ class _Levels:
 
     Args:
         levels: responses at ascending amplitudes.
-        volts: amplitude of each level, V rms, shape (levels,).
+        rms: amplitude of each level, in the drive's unit, shape (levels,).
         poles: initial natural frequency [rad/s] and damping ratio of each mode at the middle level, then the
             delay [s].
         exponent: exponent of the amplitude law, free or fixed.
@@ -226,11 +235,11 @@ class _Levels:
     """
 
     def __init__(
-        self, levels: Sequence[xr.Dataset], volts: Array, poles: Array, exponent: Parameter, kind: ModalForm
+        self, levels: Sequence[xr.Dataset], rms: Array, poles: Array, exponent: Parameter, kind: ModalForm
     ) -> None:
-        self.levels, self.kind, self.volts = levels, kind, volts
-        self.amplitude = float(np.exp(np.mean(np.log(volts))))
-        self.ratios = volts / self.amplitude
+        self.levels, self.kind, self.rms = levels, kind, rms
+        self.amplitude = float(np.exp(np.mean(np.log(rms))))
+        self.ratios = rms / self.amplitude
         self.frequencies = [level["frequency"].to_numpy() for level in levels]
         self.n_modes = len(poles) // 2
         self.parameters = [*self._at_reference(poles, exponent.start), exponent]
@@ -325,8 +334,11 @@ class _Levels:
         base, slope, p = self._split(fit.values)
         rest = np.array([fit.values[q.name] for q in fit.parameters if q.name not in self.names])
         rest = np.moveaxis(rest.reshape(self.outputs.size, self.inputs.size, 2, -1), (2, 3), (0, 1))
-        whole = [modal_model(poles, c, self.kind) for poles, c in zip((base, slope), rest, strict=True)]
-        ends = float(self.volts[0]), float(self.volts[-1])
+        units = units_of(self.levels[0])
+        whole = [
+            modal_model(poles, c, self.kind, units) for poles, c in zip((base, slope), rest, strict=True)
+        ]
+        ends = float(self.rms[0]), float(self.rms[-1])
         return AmplitudeModel(whole[0], whole[1], p, self.amplitude, *ends)
 
 

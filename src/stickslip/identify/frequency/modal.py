@@ -32,6 +32,7 @@ from ...quantities.progress import Progress, unheard
 from ...quantities.units import to_si
 from ..free import with_ties
 from .above_noise import FALSE_ALARM, Left, chances, left_by_delay, said_of_noise
+from .response import ratio_of, units_of
 
 # Damping ratios that are tried as initial values of each mode, if only the number of modes is given.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
@@ -55,9 +56,10 @@ class ModalModel(NamedTuple):
         natural_frequency: shape (modes,), rad/s.
         damping_ratio: shape (modes,).
         delay: s.
-        gain: static gains A, shape (modes, outputs, inputs), unit of response per unit of drive, as m/V.
+        gain: static gains A, shape (modes, outputs, inputs), in `unit`.
         rate_gain: rate gains B (0 for real mode shapes), same shape and unit.
         remainder: gain D of the modes above the band, shape (outputs, inputs), same unit.
+        units: SI units of drive and response.
     """
 
     natural_frequency: np.ndarray
@@ -66,6 +68,12 @@ class ModalModel(NamedTuple):
     gain: np.ndarray
     rate_gain: np.ndarray
     remainder: np.ndarray
+    units: tuple[str, str] = ("V", "m")
+
+    @property
+    def unit(self) -> str:
+        """Return the unit of the gains, response per drive, such as "m/V"."""
+        return ratio_of(self.units)
 
     def state_space(self) -> StateSpace:
         """Return the model as a linear state-space system with the delay; the states are coordinate and
@@ -94,13 +102,13 @@ def modal_response(model: ModalModel, frequency: np.ndarray) -> np.ndarray:
 
 
 def steady_response(model: ModalModel, drive: np.ndarray, sample_rate: float) -> np.ndarray:
-    """Return the steady response to a periodic drive, in m for gains in m/V, shape (samples, outputs, ...).
+    """Return the steady response to a periodic drive, in its unit, shape (samples, outputs, ...).
 
     The computation in the frequency domain is exact for a drive without power above half the sample rate.
 
     Args:
         model: modes, gains and delay.
-        drive: one period, V, shape (samples, inputs, ...).
+        drive: one period, in the drive's unit, shape (samples, inputs, ...).
         sample_rate: Hz.
     """
     G = modal_response(model, np.fft.rfftfreq(len(drive), 1 / sample_rate))
@@ -287,20 +295,16 @@ def _fit(
     single = outputs.size * inputs.size == 1
     unit = response["response"].attrs["units"]
     ends = (np.pi * frequency[0], 4 * np.pi * frequency[-1])
-    longest = LONGEST / frequency[-1]
-    poles = [(2 * np.pi * f, zeta) for f, zeta in starts]
-    parameters = pole_parameters(poles, ends)
-    parameters.append(delay_parameter(longest).starting_at(delay))
+    parameters = pole_parameters([(2 * np.pi * f, zeta) for f, zeta in starts], ends)
+    parameters.append(delay_parameter(LONGEST / frequency[-1]).starting_at(delay))
     names = [p.name for p in parameters]
     recordings = []
     for o, i in product(range(outputs.size), range(inputs.size)):
         channel = "" if single else f"[{outputs[o]},{inputs[i]}]"
-        measured = response["response"].to_numpy()[:, o, i]
-        deviation = response["deviation"].to_numpy()[:, o, i]
         recordings.append(
             SeparableRecording(
-                real_over_imaginary(measured),
-                np.tile(deviation / math.sqrt(2), 2),
+                real_over_imaginary(response["response"].to_numpy()[:, o, i]),
+                np.tile(response["deviation"].to_numpy()[:, o, i] / math.sqrt(2), 2),
                 tuple((name + channel, unit) for name in kind.names(len(starts))),
                 f"response{channel}",
                 unit,
@@ -313,7 +317,10 @@ def _fit(
     about = {name: options.pop(name) for name in ("noise_known", "correlated") if name in options}
     problem = separable(recordings, designs, with_ties(parameters, options.pop("tied", None)), **about)
     fit = fit_least_squares(problem, **options)
-    model = _model(fit, names, outputs.size, inputs.size, kind)
+    found = np.array([fit.values[name] for name in names])
+    rest = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
+    gains = np.moveaxis(rest.reshape(outputs.size, inputs.size, -1), -1, 0)
+    model = modal_model(found, gains, kind, units_of(response))
     return replace(fit, model=model, unpredicted=UNPREDICTED)
 
 
@@ -334,19 +341,12 @@ def pole_parameters(starts: Sequence[tuple[float, float]], ends: tuple[float, fl
     return parameters
 
 
-def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: ModalForm) -> ModalModel:
-    """Return the modal model of a fit. `names` are the parameters for the poles and the delay, in this order;
-    all other parameters are coefficients."""
-    *poles, delay = (fit.values[name] for name in names)
-    rest = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
-    return modal_model(
-        np.array([*poles, delay]), np.moveaxis(rest.reshape(n_outputs, n_inputs, -1), -1, 0), kind
-    )
-
-
-def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: ModalForm) -> ModalModel:
+def modal_model(
+    poles: np.ndarray, coefficients: np.ndarray, kind: ModalForm, units: tuple[str, str]
+) -> ModalModel:
     """Return the model of poles (natural frequency [rad/s] and damping ratio of each mode, then the delay
-    [s]) and coefficients, in the order of `kind.names`, shape (names, outputs, inputs). Others are 0."""
+    [s]) and coefficients, in the order of `kind.names`, shape (names, outputs, inputs). Others are 0.
+    `units` are those of drive and response."""
     n_modes = len(poles) // 2
     zero = np.zeros((n_modes, *coefficients.shape[1:]))
     return ModalModel(
@@ -356,6 +356,7 @@ def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: ModalForm) ->
         coefficients[:n_modes],
         coefficients[n_modes : 2 * n_modes] if kind.complex_modes else zero,
         coefficients[-1] if kind.remainder else zero.sum(axis=0),
+        units,
     )
 
 

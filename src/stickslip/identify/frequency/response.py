@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ...estimate.blas import single_threaded
 from ...quantities.units import to_si
+from ...recording.conversion import to_si_unit
 
 # Smallest rms amplitude of the drive at which a frequency counts as excited, relative to the largest of all
 # frequencies.
@@ -23,6 +24,27 @@ EXCITED = 0.01
 
 class ResponseError(ValueError):
     """Error: these recordings do not determine the requested frequency response."""
+
+
+def ratio_of(units: tuple[str, str]) -> str:
+    """Return the unit of response per drive, such as "m/V", given the SI units of drive and response.
+
+    A drive that is a plain number has the unit "".
+    """
+    drive, response = units
+    return f"{response or '1'}/{drive}" if drive else response or "1"
+
+
+def units_of(response: xr.Dataset) -> tuple[str, str]:
+    """Return the units of drive and response of a frequency response: ("V", "m") if it is in m/V.
+
+    Without the coordinate `drive_rms`, the drive's unit stands after the last "/".
+    """
+    unit = str(response["response"].attrs["units"])
+    said = response["drive_rms"].attrs if "drive_rms" in response.coords else {}
+    drive = str(said.get("units", unit.rpartition("/")[2] if "/" in unit else ""))
+    over = unit.removesuffix(f"/{drive}") if drive else unit
+    return drive, "" if over == "1" else over
 
 
 @single_threaded
@@ -48,14 +70,14 @@ def frequency_response(
         band: lowest and highest frequency to keep, Hz.
         smoothing: number of neighbouring frequencies over which variances are averaged, because each has few
             realisations.
-        units: units of drive and response.
+        units: units of drive and response, such as ("V", "um").
 
     Returns:
-        A dataset at the excited frequencies [Hz]. Over "frequency", "output" and "input" (numbers from 1):
-        `response`, complex; `deviation`, its standard deviation by noise and nonlinear distortion, from the
-        realisations in excess of the number of inputs (if there are none: by noise alone); and
-        `noise_deviation`, the standard deviation by noise alone, from the periods. Each deviation is
-        sqrt(E|error|^2), in the unit of the response, and NaN without the repetitions that it needs. Over
+        A dataset at the excited frequencies [Hz], in SI units. Over "frequency", "output" and "input"
+        (numbers from 1): `response`, complex; `deviation`, its standard deviation by noise and nonlinear
+        distortion, from the realisations in excess of the number of inputs (if there are none: by noise
+        alone); and `noise_deviation`, the standard deviation by noise alone, from the periods. Each deviation
+        is sqrt(E|error|^2), in the unit of the response, and NaN without the repetitions that it needs. Over
         "frequency" and "output": `coherence`, the share of the power that is explained, 0 to 1; NaN if both
         deviations are NaN. The coordinate `drive_rms` is the amplitude of the drive, over all inputs, for
         `identify_levels`.
@@ -63,10 +85,10 @@ def frequency_response(
     Raises:
         ResponseError: the shapes do not fit, values are not finite, or the inputs cannot be distinguished
             (fewer realisations than inputs, or dependent ones).
-        QuantityError: `sample_rate` or `band` is not a frequency.
+        QuantityError: `sample_rate` or `band` is not a frequency, or one of `units` is not known.
     """
     sample_rate, lowest, highest = _hertz(sample_rate, band)
-    u, y = _four_axes(drive, "drive"), _four_axes(response, "response")
+    (u, y), units = _in_si(drive, response, units)
     if (u.shape[0], *u.shape[2:]) != (y.shape[0], *y.shape[2:]):
         raise ResponseError(
             f"drive {u.shape} and response {y.shape} differ in samples, realisations or periods"
@@ -131,7 +153,7 @@ def welch_frequency_response(
         sample_rate: Hz.
         segment: number of samples in a segment; segments overlap by half.
         band: lowest and highest frequency to keep, Hz.
-        units: units of drive and response.
+        units: units of drive and response, such as ("V", "um").
 
     Returns:
         A dataset as by `frequency_response`, at all frequencies of the band except 0. Noise and distortion
@@ -140,10 +162,11 @@ def welch_frequency_response(
     Raises:
         ResponseError: the shapes do not fit, values are not finite, or the record is too short: it must have
             more than two segments for each input.
-        QuantityError: `sample_rate` or `band` is not a frequency.
+        QuantityError: `sample_rate` or `band` is not a frequency, or one of `units` is not known.
     """
     sample_rate, lowest, highest = _hertz(sample_rate, band)
-    u, y = _four_axes(drive, "drive")[:, :, 0, 0].T, _four_axes(response, "response")[:, :, 0, 0].T
+    both, units = _in_si(drive, response, units)
+    u, y = (array[:, :, 0, 0].T for array in both)
     averages = 2 * u.shape[1] // segment - 1
     if u.shape[1] != y.shape[1]:
         raise ResponseError(f"drive and response differ in length: {u.shape[1]} and {y.shape[1]}")
@@ -176,19 +199,26 @@ def welch_frequency_response(
 
 
 def drive_rms(drive: ArrayLike) -> float:
-    """Return the rms amplitude of a drive, V, over all samples, inputs and realisations, each about its mean.
-
-    Args:
-        drive: V, shape (samples, ...).
-    """
-    volts = np.asarray(drive, dtype=float)
-    return float(np.sqrt(np.mean((volts - volts.mean(axis=0)) ** 2)))
+    """Return the rms amplitude of a drive of shape (samples, ...), in its unit, over all samples, inputs and
+    realisations, each about its mean."""
+    values = np.asarray(drive, dtype=float)
+    return float(np.sqrt(np.mean((values - values.mean(axis=0)) ** 2)))
 
 
 def _hertz(sample_rate: float | str, band: tuple[float | str, float | str]) -> tuple[float, float, float]:
     """Return sample rate, lowest and highest frequency of the band, in Hz."""
     lowest, highest = band
     return to_si(sample_rate, "Hz", "sample_rate"), to_si(lowest, "Hz", "band"), to_si(highest, "Hz", "band")
+
+
+def _in_si(
+    drive: ArrayLike, response: ArrayLike, units: tuple[str, str]
+) -> tuple[tuple[np.ndarray, np.ndarray], tuple[str, str]]:
+    """Return drive and response in SI, with four axes each, and their SI units. The offset of a temperature
+    is left out, because a frequency response shows changes alone."""
+    u, y = (to_si_unit(unit) for unit in units)
+    arrays = _four_axes(drive, "drive") * u.factor, _four_axes(response, "response") * y.factor
+    return arrays, (u.unit, y.unit)
 
 
 def _four_axes(data: ArrayLike, name: str) -> np.ndarray:
@@ -211,7 +241,7 @@ def _variance(squares: np.ndarray, freedom: int, smoothing: int) -> np.ndarray:
 
 
 def _labelled(frequency, response, deviation, noise_deviation, coherence, units, rms) -> xr.Dataset:
-    full, unit = ("frequency", "output", "input"), f"{units[1]}/{units[0]}"
+    full, unit = ("frequency", "output", "input"), ratio_of(units)
     return xr.Dataset(
         {
             "response": (full, response, {"units": unit, "long_name": "frequency response"}),

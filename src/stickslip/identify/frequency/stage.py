@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...physics.actuator import Actuator, StageModes
-from ...quantities.units import QuantityError
+from ...quantities.units import QuantityError, unit_for
 from .modal import ModalModel
 
 # Largest rate gain or remainder, relative to the sum of the modes' static gains, that is ignored because a
@@ -29,8 +29,14 @@ def with_modes(actuator: Actuator, modes: ModalModel, output: int = 0, drive: in
         drive: index, from 0, of the input that is the drive voltage.
 
     Raises:
-        QuantityError: the rate gains or the remainder exceed 2 % of the sum of the modes' gains.
+        QuantityError: the modal model is not in m/V (rad/V for a rotary actuator), or the rate gains or the
+            remainder exceed 2 % of the sum of the modes' gains.
     """
+    unit = unit_for(actuator, "m/V")
+    if modes.unit != unit:
+        raise QuantityError(
+            f"the modal model is in {modes.unit}, but the actuator's gain in {unit}: fit a response in {unit}"
+        )
     gain = np.asarray(modes.gain)[:, output, drive]
     stroke = abs(float(gain.sum()))
     for name, part in (

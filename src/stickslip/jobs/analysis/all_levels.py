@@ -31,8 +31,8 @@ Score = tuple[float, float]
 class LevelData(NamedTuple):
     """Data of one drive amplitude (level).
 
-    `name` is the name of the level, and `response` its frequency response. `drive` [V] has the held-out
-    drives (samples, inputs, realisations), and `steady` [m] the responses measured to them, without their
+    `name` is the name of the level, and `response` its frequency response. `drive` has the held-out
+    drives (samples, inputs, realisations), and `steady` the responses measured to them, without their
     mean over the samples (samples, outputs, realisations).
     """
 
@@ -55,10 +55,12 @@ class OneModel(NamedTuple):
 
 
 def score(predicted: NDArray[np.float64], steady: NDArray[np.float64]) -> Score:
-    """Return r² and rms error [m] of a prediction, over all samples, outputs and realisations.
+    """Return r² and rms error of a prediction, over all samples, outputs and realisations.
+
+    The rms error is in the unit of the response.
 
     Args:
-        predicted: predicted response [m], (samples, outputs, realisations); its mean over the samples is
+        predicted: predicted response, (samples, outputs, realisations); its mean over the samples is
             removed.
         steady: measured response of the same shape, without its mean over the samples.
     """
@@ -71,7 +73,7 @@ def numbers_of(fit: Fit) -> dict[str, Any]:
 
     The correlation matrix is left out if the fit has more than `MOST_CORRELATED` parameters.
     """
-    numbers = fit_numbers(fit, "m/V")
+    numbers = fit_numbers(fit, fit.recordings[0].unit)
     if len(fit.parameters) > MOST_CORRELATED:
         del numbers["correlation"]
     return numbers
@@ -90,7 +92,7 @@ def one_model_section(
 
     Args:
         levels: data of all levels, two at least.
-        own: r² and rms error [m] of the models that were fitted to each level alone, see `score`, in the
+        own: r² and rms error of the models that were fitted to each level alone, see `score`, in the
             order of `levels`.
         modes: initial values of the modes: pairs of frequency [Hz] and damping ratio, or a fitted model.
         sample_rate: sample rate of drives and responses, Hz.
@@ -110,14 +112,8 @@ def one_model_section(
         unseen[level.name] = _scored(identify_levels(others, modes, progress=part).model, level, sample_rate)
     numbers = {
         "exponent": estimates(fit)["exponent"],
-        "levels": {
-            name: {"r_squared_held_out": Number(r, ""), "rms_error_held_out": Number(e, "m")}
-            for name, (r, e) in scores.items()
-        },
-        "levels_not_seen": {
-            name: {"r_squared_held_out": Number(r, ""), "rms_error_held_out": Number(e, "m")}
-            for name, (r, e) in unseen.items()
-        },
+        "levels": _score_numbers(scores, fit.model.units[1]),
+        "levels_not_seen": _score_numbers(unseen, fit.model.units[1]),
         **numbers_of(fit),
     }
     least = min(r for r, _ in scores.values())
@@ -126,6 +122,14 @@ def one_model_section(
         _section(fit, levels, own, scores, unseen),
         numbers,
     )
+
+
+def _score_numbers(scores: dict[str, Score], unit: str) -> dict[str, Any]:
+    """Return the scores by level for results.json; `unit` is that of the response."""
+    return {
+        name: {"r_squared_held_out": Number(r, ""), "rms_error_held_out": Number(e, unit)}
+        for name, (r, e) in scores.items()
+    }
 
 
 def _scored(model: AmplitudeModel, level: LevelData, sample_rate: float) -> Score:
@@ -140,12 +144,13 @@ def _section(
     unseen: dict[str, Score],
 ) -> Section:
     columns = ("of the level alone", "of all levels", "of the other levels")
+    drive_unit, unit = fit.model.units
     rows = [
         (
             level.name,
-            Number(alone[1], "m"),
-            Number(scores[level.name][1], "m"),
-            Number(unseen[level.name][1], "m") if level.name in unseen else None,
+            Number(alone[1], unit),
+            Number(scores[level.name][1], unit),
+            Number(unseen[level.name][1], unit) if level.name in unseen else None,
         )
         for level, alone in zip(levels, own, strict=True)
     ]
@@ -168,7 +173,8 @@ def _section(
                 "Error of what was held out, by the models.", (Column("level"), *map(Column, columns)), rows
             ),
             Table(
-                f"Modes at {model.amplitude:.3g} V rms; a slope is the relative change by that of the drive.",
+                f"Modes at {model.amplitude:.3g} {drive_unit} rms; a slope is the relative change by that of "
+                "the drive.",
                 tuple(map(Column, ("mode", "frequency", "its slope", "damping ratio", "its slope"))),
                 modes,
                 notes=said,

@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ...estimate.result import Fit
-from ...gate.archives import read_npy
-from ...gate.errors import GateError
 from ...identify.frequency.in_time import identify_in_time
 from ...identify.frequency.modal import ModalModel, identify_frequency, modal_response, steady_response
-from ...identify.frequency.response import frequency_response
+from ...identify.frequency.response import frequency_response, ratio_of
 from ...parameters import cite
-from ...quantities.input_file import Hertz, Strict
+from ...quantities.input_file import Hertz
 from ...quantities.progress import Progress, within
+from ...recording.conversion import is_unit, to_si_unit
 from ...report import Column, Document, Number, Picture, Section, Table
 from ...report.figures.frequency import Response
 from ...report.figures.frequency import frequency_response as frequency_response_figure
@@ -31,27 +30,18 @@ from ...report.figures.identification import Estimates, parameter_intervals
 from ...report.figures.style import svg
 from ...report.fits import estimates, parameter_table
 from .all_levels import LevelData, OneModel, numbers_of, one_model_section, score
-from .file import Analysis, AnalysisError, SourceFile
+from .arrays import Arrays, check_test
+from .file import Analysis, AnalysisError
 from .modes import Modes, Outputs, Starts, count, refused, started
 
 _TWO_PI = 2.0 * np.pi
 
 
-class Arrays(Strict):
-    """Files of a periodic drive and of the response to it.
-
-    Both are NumPy arrays of the shape (samples of a period, channels, realisations, periods).
-    """
-
-    drive: SourceFile
-    response: SourceFile
-
-
 class Level(Arrays):
     """Data of one amplitude of the drive (level).
 
-    `amplitude` is the rms drive [V], for the axis of figures. `test` are files for verification, used instead
-    of the last realisations of `drive` and `response`.
+    `amplitude` is the rms drive, in the drive's unit, for the axis of figures. `test` are files for
+    verification, used instead of the last realisations of `drive` and `response`.
     """
 
     name: str
@@ -90,6 +80,9 @@ class FrequencyAnalysis(Analysis):
 
     @model_validator(mode="after")
     def _fits_together(self) -> FrequencyAnalysis:
+        for unit in self.units:
+            if not is_unit(unit):
+                raise refused(f"'units' has {unit!r}, which is not known here")
         n_modes = [count(modes) for modes in self.modes]
         if any(m > n_modes[-1] for m in self.follow):
             raise refused(f"'follow' has {max(self.follow)}, but the last model has {n_modes[-1]} modes")
@@ -121,22 +114,28 @@ class FrequencyAnalysis(Analysis):
             self, results, one_model_section(tested, scores, models[-1], self.sample_rate, follow)
         )
 
+    @property
+    def si_units(self) -> tuple[str, str]:
+        """Return the SI units of drive and response, in which the analysis computes and reports."""
+        drive, response = map(to_si_unit, self.units)
+        return drive.unit, response.unit
+
     def _read(self, level: Level, folder: Path) -> _Data:
         """Return the data of a level: frequency response of its fitted realisations, and held-out data."""
-        drive, response = (_array(source, folder) for source in (level.drive, level.response))
+        drive, response = level.in_si(folder, self.units)
         channels = [o - 1 for o in self.output]
         last = None if level.test else -(self.held_out or 1)
         measured = frequency_response(
-            drive[:, :, :last], response[:, :, :last], self.sample_rate, band=self.band, units=self.units
+            drive[:, :, :last], response[:, :, :last], self.sample_rate, band=self.band, units=self.si_units
         ).isel(frequency=slice(None, None, self.every))
         if max(self.output) > measured.sizes["output"]:
             path = level.response.path(folder)
             raise AnalysisError(f"{path}: output {max(self.output)}: it has {measured.sizes['output']}")
         measured = measured.isel(output=channels)
-        unseen = (drive[:, :, last:], response[:, :, last:]) if last else ()
+        unseen = drive[:, :, last:], response[:, :, last:]
         if level.test:
-            unseen = tuple(_array(source, folder) for source in (level.test.drive, level.test.response))
-            _check_test(level.name, unseen, (drive.shape[1], response.shape[1]))
+            unseen = level.test.in_si(folder, self.units)
+            check_test(level.name, unseen, (drive.shape[1], response.shape[1]))
         # The steady state of a model has no offset; the measured one is freed of the sensor's offset.
         tested, steady = (array.mean(axis=3) for array in unseen)
         steady = steady[:, channels] - steady[:, channels].mean(axis=0)
@@ -183,34 +182,8 @@ class _Level(NamedTuple):
     level: Level
     data: _Data
     fits: list[Fit]
-    scores: list[tuple[float, float]]  # r² and rms error [m] on held-out data, by model
+    scores: list[tuple[float, float]]  # r² and rms error on held-out data, by model
     in_time: Fit | None
-
-
-def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
-    path = source.path(folder)
-    try:
-        array = read_npy(path)
-    except GateError as error:
-        raise AnalysisError(f"{error}") from error
-    if array.ndim != 4:
-        raise AnalysisError(
-            f"{path} has the shape {array.shape}, not (samples, channels, realisations, periods)"
-        )
-    return array
-
-
-def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tuple[int, int]) -> None:
-    """Raise AnalysisError if `test`, the arrays of drive and response of the level `name`, have wrong shapes.
-
-    Axis 1 must have the numbers of inputs and outputs, `channels`; all other axes must be alike.
-    """
-    drive, response = (array.shape for array in test)
-    if (drive[0], *drive[2:]) != (response[0], *response[2:]) or (drive[1], response[1]) != channels:
-        raise AnalysisError(
-            f"test of {name}: drive {drive} and response {response} do not fit each other, or the level's "
-            f"{channels[0]} inputs and {channels[1]} outputs"
-        )
 
 
 def _static_gain(fit: Fit) -> Number:
@@ -301,7 +274,7 @@ def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, l
 
 def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> Section:
     """Return the section on predictions of held-out drives by each model, with a figure of the last model."""
-    drive_unit, output_unit = analysis.units
+    drive_unit, output_unit = analysis.si_units
     scores = [
         (r.level.name, f"{count(modes)}", *score)
         for r in results
@@ -328,7 +301,7 @@ def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> S
                     frequency_response_figure(
                         {r.level.name: _measured(r, frequency, show) for r in results},
                         {r.level.name: _modelled(r, frequency, show) for r in results},
-                        unit=f"{output_unit}/{drive_unit}",
+                        unit=ratio_of((drive_unit, output_unit)),
                     )
                 ),
                 "Gain and phase over frequency at each level, measured and modelled; residuals below",
@@ -356,10 +329,10 @@ def _amplitude_section(
                 "Static gain, frequencies and damping ratios over the amplitude of the drive.",
                 svg(
                     parameter_intervals(
-                        [r.level.amplitude for r in results],
+                        [r.level.amplitude * to_si_unit(analysis.units[0]).factor for r in results],
                         {name: _estimates(numbers) for name, numbers in followed.items()},
                         setting_name="rms drive",
-                        setting_unit=analysis.units[0],
+                        setting_unit=analysis.si_units[0],
                     )
                 ),
                 "One panel for each quantity, values with confidence intervals over the drive",

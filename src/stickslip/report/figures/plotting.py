@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ...estimate.result import Fit
+from ...identify.frequency.modal import ModalModel
 from ...identify.verification import Verification
 from ...quantities.units import QuantityError, array_si, near_one, unit_for
 from .design import draw_load_speed, draw_map, is_map
@@ -180,11 +181,15 @@ def bode(model: Any, frequencies: ArrayLike | None = None, axes: Any = None) -> 
         )
     hertz = _around_modes(system) if frequencies is None else array_si(frequencies, "Hz", "frequencies")
     found = np.asarray(system.response(hertz))
-    unit = "V/m" if hasattr(system, "rate") else unit_for(model, "m/V")
+    if hasattr(system, "rate"):
+        unit = "V/m"
+    else:
+        unit = model.unit if isinstance(model, ModalModel) else unit_for(model, "m/V")
     dimensions = ("frequency", "output", "input")[: found.ndim]
     clock = {name: np.arange(size) for name, size in zip(dimensions, found.shape, strict=True)}
     response = xr.DataArray(found, clock | {"frequency": hertz}, dimensions, attrs={"units": unit})
-    return _over_frequency(xr.Dataset({"response": response.squeeze(drop=True)}), axes)
+    single = [name for name in dimensions[1:] if response.sizes[name] == 1]
+    return _over_frequency(xr.Dataset({"response": response.squeeze(single, drop=True)}), axes)
 
 
 def _around_modes(system: Any) -> NDArray[Any]:
