@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from export.building import QUICK, QUICK_FLOAT, C, compiled, output, packaged_fmu, walk
+from export.building import QUICK, QUICK_FLOAT, C, compiled, output, packaged_fmu
 from export.test_fmu import instance
 from stickslip.export import ExportError, export_c, export_fmu
 from stickslip.quantities.units import QuantityError
@@ -112,6 +114,11 @@ def test_a_waveform_that_jumps_is_refused_wherever_it_does(tmp_path: Path) -> No
         with pytest.raises(QuantityError, match="static stage jumps"):
             export_c(STATIC, tmp_path / "c", waveform=jumping)
     export_c(STATIC.replace(friction=ss.Coulomb(0.392)), tmp_path / "slides", waveform=jumping)
-    for step in (H, 3.7e-5):  # its fall starts and ends within a step
-        found = walk(STATIC, tmp_path / f"{step}", step=step)
+    for step, within in ((H, False), (3.7e-5, True)):  # whether its fall starts and ends within a step
+        folder = export_c(STATIC, tmp_path / f"{step}", step=step)
+        program = compiled(folder, folder / "host" / "walk.c")
+        done = subprocess.run([program], capture_output=True, text=True, check=True)
+        assert ("within a step of 3.7e-05 s the waveform differs by" in done.stderr) == within
+        assert "jumps" not in done.stderr
+        found = np.genfromtxt(io.StringIO(done.stdout), delimiter=",", names=True)
         assert np.ptp(found["end_effector_position"]) > 1e-6
