@@ -184,8 +184,17 @@ def test_hysteresis_of_what_turns(folder) -> None:
 def test_a_mover_says_angles() -> None:
     tuning = tune(TURNS, 20e3)
     table = StepSizes((30.0, 65.0), (1e-3, 2e-3), (1e-3, 2e-3))
-    made = Mover(Stepping(), table, tuning.regulator(20e3, max_voltage=100.0), "9 urad/V", unit="rad")
+    walk, regulator = Stepping(tolerance="10 nrad", rotary=True), tuning.regulator(20e3, max_voltage=100.0)
+    made = Mover(walk, table, regulator, "9 urad/V", unit="rad")
     assert made.gain == pytest.approx(9e-6)
     with pytest.raises(QuantityError, match=r"gain = '9 nm/V'"):
-        Mover(Stepping(), table, tuning.regulator(20e3, max_voltage=100.0), "9 nm/V", unit="rad")
+        Mover(walk, table, regulator, "9 nm/V", unit="rad")
+    with pytest.raises(QuantityError, match=r"tolerance = '10 nm'"):
+        Stepping(tolerance="10 nm", rotary=True)
+    for length, unit, said in (
+        (Stepping(tolerance="10 nm"), "rad", "Mover.walk is in m, but the model moves in rad"),
+        (walk, "m", "Mover.walk is in rad, but the model moves in m"),
+    ):
+        with pytest.raises(QuantityError, match=said):
+            Mover(length, table, regulator, 9e-6, unit=unit)
     assert np.isclose(made.reach, 0.4 * 100.0 * 9e-6)

@@ -93,3 +93,20 @@ def test_stops_that_cannot_be_are_refused() -> None:
             simulate(model, drive, 0.1, end_stops=EndStops(-1e-3, 1e-3), **more)  # type: ignore[arg-type]
     with pytest.raises(ss.QuantityError, match="end_stops"):
         simulate(actuator, drive, 0.1, end_stops=(0.0, 1.0))
+
+
+def test_stops_are_along_the_coordinate_of_the_model() -> None:
+    """An actuator that turns meets stops at angles; lengths are refused, also as plain numbers."""
+    model, drive = ss.load_actuator("kang2007").replace(rotary=True), ss.Sawtooth(65.0, 20.0)
+    stops = EndStops("-5 mrad", "1 deg", rotary=True)
+    assert stops.high == pytest.approx(np.pi / 180.0)
+    assert "mrad" in str(stops)
+    found = simulate(model, drive, 0.1, end_stops=stops)
+    assert found["end_effector_position"].attrs["units"] == "rad"
+    with pytest.raises(ss.QuantityError, match=r"EndStops\.low = '-5 mm'"):
+        EndStops("-5 mm", "5 mm", rotary=True)
+    with pytest.raises(ss.QuantityError, match=r"low = 1 rad must be below high = 0 rad"):
+        EndStops(1.0, 0.0, rotary=True)
+    for wrong, of in ((EndStops("-5 mm", "5 mm"), model), (stops, model.replace(rotary=False))):
+        with pytest.raises(ss.QuantityError, match=rf"the model moves in .* rotary={of.rotary}"):
+            simulate(of, drive, 0.1, end_stops=wrong)

@@ -28,7 +28,7 @@ from typing import Annotated, Any, NamedTuple
 from ..engine._abi import ffi
 from ..engine.library import library
 from ..quantities.records import Quantity, of_kind, record
-from ..quantities.units import QuantityError, to_si, with_prefix
+from ..quantities.units import QuantityError, refuse_other_coordinate, to_si, with_prefix
 from ..rig.plausibility import Plausibility
 from .arrival import Arrival
 from .blocks import ControlWarning, Regulator
@@ -49,7 +49,7 @@ class Stepping(NamedTuple):
     Fields: `amplitude` of full steps, V, and their `frequency`, Hz; `pause` after the last one, s; `scan`,
     duration of a scan to the target or of the piezo's return, s; `margin`, share of the piezo's range at each
     end that is not used to hold; `tolerance` of the position, m (rad); `dwell`, time over which arrival is
-    judged, s.
+    judged, s; `rotary`, True for a rotary actuator, whose tolerance is an angle.
     """
 
     amplitude: Annotated[float, Quantity("V", "A", "amplitude of full steps", above=0)] = 65.0
@@ -59,6 +59,7 @@ class Stepping(NamedTuple):
     margin: Annotated[float, Quantity("", "m", "share of the range kept free", minimum=0, maximum=0.4)] = 0.1
     tolerance: Annotated[float, Quantity("m", "ε", "tolerance of the position", above=0)] = 10e-9
     dwell: Annotated[float, Quantity("s", "t_d", "time over which arrival is judged", minimum=0)] = 0.01
+    rotary: bool = False
 
 
 # Displacement of a step over the expected one, below which the step counts as lost.
@@ -166,6 +167,7 @@ class Mover:
         parts = ("walk", walk, Stepping), ("table", table, StepSizes), ("regulator", regulator, Regulator)
         for name, part, kind in (*parts, ("slip", slip, Slip | None)):
             of_kind(part, kind, f"Mover.{name}")
+        refuse_other_coordinate(walk, unit, "Mover.walk")
         self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
         low, high = regulator.low, regulator.high
         if not math.isfinite(high - low):

@@ -279,7 +279,7 @@ class Moves:
         made, settings = self.prepared(), asked.settings
         regulator, cell = made.regulator(settings), made.cell
         check_margins(regulator, cell.actuator, posterior=made.others, output=made.output)
-        walk = Stepping(**{"amplitude": made.amplitude, **settings.given})
+        walk = Stepping(**{"amplitude": made.amplitude, "rotary": made.unit == "rad", **settings.given})
         spec = commanded(
             *(walk, self._table(made, walk.frequency), regulator),
             *(cell.actuator.gain, made.can.step),

@@ -316,6 +316,22 @@ def coordinate_of(what: Any) -> Coordinate:
     return ANGLE if rotary else LENGTH
 
 
+def refuse_other_coordinate(one: Any, model: Any, field: str) -> None:
+    """Raise QuantityError if a record has positions in m and its model in rad, or the reverse.
+
+    Args:
+        one: record with a field `rotary`.
+        model: actuator or another model; or "m" or "rad", its unit of positions.
+        field: argument that has the record, for the message.
+    """
+    own, wanted = coordinate_of(one), coordinate_of(model)
+    if own is not wanted:
+        raise QuantityError(
+            f"{field} is in {own.position}, but the model moves in {wanted.position}: give "
+            f"{type(one).__name__}(..., rotary={wanted is ANGLE}) with values in {wanted.position}"
+        )
+
+
 def unit_for(model: Any, unit: str) -> str:
     """Return the unit of a model's quantity, given the `unit` of this quantity for a linear model: for a
     rotary model and "m", return "rad"."""

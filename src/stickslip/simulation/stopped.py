@@ -23,7 +23,7 @@ from ..friction import Coulomb, elements
 from ..physics.actuator import Actuator, PulledSlider
 from ..physics.end_stops import EndStops
 from ..quantities.records import of_kind
-from ..quantities.units import QuantityError, unit_for, with_prefix
+from ..quantities.units import QuantityError, refuse_other_coordinate, unit_for, with_prefix
 from .models import System
 from .plant.system import Element, Plant
 
@@ -65,8 +65,8 @@ def refuse_end_stops(
 ) -> None:
     """Raise QuantityError for end stops with which the model cannot be simulated.
 
-    Reasons are an actuator with a clamped end-effector or a law without bristles, an energy account, or a
-    start outside the stops.
+    Reasons are stops in m for a rotary actuator or in rad for a linear model, an actuator with a clamped
+    end-effector or a law without bristles, an energy account, or a start outside the stops.
 
     Args:
         model: the actuator or pulled slider.
@@ -77,6 +77,7 @@ def refuse_end_stops(
     if stops is None:
         return
     of_kind(stops, EndStops, "end_stops")
+    refuse_other_coordinate(stops, model, "end_stops")
     unit = unit_for(model, "m")
     if isinstance(model, Actuator) and model.clamped:
         raise QuantityError("end_stops: the end-effector is clamped to the stage and meets no stop")

@@ -129,7 +129,7 @@ class MoveFile(Analysis):
     second_position: SecondSpec | None = None
     plausibility: PlausibilitySpec = Field(default_factory=PlausibilitySpec)
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
-    walk: Annotated[Stepping, RecordPart(without=("tolerance",))] = Field(default_factory=Stepping)
+    walk: Annotated[Stepping, RecordPart(without=("tolerance", "rotary"))] = Field(default_factory=Stepping)
     slip: SlipSpec = Field(default_factory=SlipSpec)
     requirement: Part[MarginRequirement] = Field(default_factory=MarginRequirement)
     target: Quantity = 0.0
@@ -214,7 +214,7 @@ def run_move(
     progress("tuning the loop", 0.0)
     output = bench.output()
     tuning = tune(model, output, file.requirement, posterior=others)
-    walk = file.walk._replace(tolerance=aim.within)
+    walk = file.walk._replace(tolerance=aim.within, rotary=model.rotary)
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     check_edges(limits, can)
     ends: dict[str, Any] = {"min_voltage": low, "max_voltage": high, "lead": tuning.lag}
