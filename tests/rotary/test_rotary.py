@@ -134,7 +134,9 @@ def test_the_command_line_says_angles(tmp_path) -> None:
     asked = ["simulate", str(path), "--waveform", "Sawtooth", "--amplitude", "65", "--frequency", "20"]
     done = CliRunner().invoke(app, [*asked, "--periods", "3", "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
-    assert re.search(r"net displacement: [\d.]+ [mµ]rad\n  steady step: [\d.]+ µrad\n.* mrad/s\n", done.output)
+    assert re.search(
+        r"moved by [\d.]+ µrad in 2 periods .*\n  steady step: [\d.]+ µrad\n.* mrad/s\n", done.output
+    )
     found = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["numbers"]
     assert found["parameters"]["friction.coulomb_force"]["unit"] == "N m"
     assert found["tolerance"]["unit"] == "rad"
