@@ -2,14 +2,14 @@
 
 A move passes through these phases:
 
-    rest      before the first target, at 0 V (or the limit next to 0 V)
-    return    the piezo moves, sticking, to the end of its range from which steps in this direction start
-    step      full steps, one after the other; the last ones are chosen so that the remaining distance is in
-              the piezo's reach, near the middle of its range
-    wait      until the vibration of the steps has decayed
-    recentre  the piezo jumps to the middle of its range, and the end-effector slips: for a target nearby
-    scan      the target moves from the present to the wanted position, with feedforward and regulator
-    hold      the regulator alone
+- rest: before the first target, at 0 V (or the limit next to 0 V).
+- return: the piezo moves, sticking, to the end of its range from which steps in this direction start.
+- step: full steps, one after the other; the last ones are chosen so that the remaining distance is in the
+  piezo's reach, near the middle of its range.
+- wait: until the vibration of the steps has decayed.
+- recentre: the piezo jumps to the middle of its range, and the end-effector slips: for a target nearby.
+- scan: the target moves from the present to the wanted position, with feedforward and regulator.
+- hold: the regulator alone.
 
 The regulator takes over from the steps without a jump, at the present voltage. Forward steps start at the
 least voltage and backward steps at the greatest. When holding has used up the piezo's range (creep, a load),

@@ -1,10 +1,10 @@
 r"""Input shaping: a change of the target comes in parts that cancel each other's vibration.
 
-For a mode with the natural frequency ω, the damping ratio ζ, the damped period :math:`T_d =
-2\pi/(\omega\sqrt{1-\zeta^2})` and :math:`K = e^{-\zeta\pi/\sqrt{1-\zeta^2}}`, the shaper of order 1 (ZV) has
-the parts :math:`1/(1+K)` at once and :math:`K/(1+K)` half a period later. The shaper of order n is n of them
-in series (2: ZVD) and lasts n half periods [singer1990]. If the frequency is wrong by a share d, the
-remaining vibration is about :math:`(\pi d/2)^n`.
+A mode with the natural frequency ω and the damping ratio ζ has the damped period :math:`T_d =
+2\pi/(\omega\sqrt{1-\zeta^2})`. With :math:`K = e^{-\zeta\pi/\sqrt{1-\zeta^2}}`, the shaper of order 1 (ZV)
+has the parts :math:`1/(1+K)` at once and :math:`K/(1+K)` half a damped period later. The shaper of order n is
+n of them in series (2: ZVD) and lasts n half periods [singer1990]. If the frequency is wrong by a share d,
+the remaining vibration is about :math:`(\pi d/2)^n`.
 """
 
 from __future__ import annotations

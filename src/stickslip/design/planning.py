@@ -71,7 +71,7 @@ def plan_experiment(
     """Choose the most informative recordings for an actuator's parameters.
 
     The information of a recording is computed before it is made: the derivatives of its samples by all free
-    parameters of `identify_friction` give the covariance of that fit (see `design.information`).
+    parameters of `identify_friction` give the covariance of its fit (see `design.information`).
 
     Args:
         model: the actuator with its known values, or a fit by `identify_friction`, whose free

@@ -33,9 +33,8 @@ class Scenario:
 
     Attributes:
         name: name in reports; by default a list of the changed values.
-        values: changed values, in SI or as strings with units, by the name of a field of the actuator or its
-            law, or "load" (normal force relative to its reference), or "drive_scale" (a factor on the
-            voltage).
+        values: changed values, in SI or as strings with units, by name: a field of the actuator or its law,
+            "load" (normal force relative to its reference) or "drive_scale" (a factor on the voltage).
         factors: factors on values of the model (of each draw): ``Scenario(factors={"natural_frequency":
             0.95})``.
     """

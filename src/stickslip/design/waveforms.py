@@ -78,9 +78,9 @@ def optimise_waveform(
         in none of them: if no better drive was found, it is the sawtooth, and `fell_back` is True.
 
     Raises:
-        QuantityError: no goal, limits that exclude every drive, an unknown name in a scenario or in the
-            uncertainty, an unsuitable model or number, no drive with a steady motion, none that reaches the
-            minimum speed, or the package cma is not installed.
+        QuantityError: no goal, an unknown name in a scenario or in the uncertainty, or an unsuitable model or
+            number; limits that exclude every drive, no drive with a steady motion, or no drive that reaches
+            the minimum speed; or the package cma is not installed.
     """
     model, uncertainty = _model_of(model, uncertainty)
     speed = least_of(minimum_speed, unit_for(model, "m/s"), "minimum_speed")

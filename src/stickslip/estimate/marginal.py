@@ -1,9 +1,9 @@
 r"""Marginal intervals of the other parameters if one parameter is undetermined.
 
-If the data hardly determine a value :math:`\psi` (the damping of the contact in slow samples), the minimum of
-the sum of squares is long and curved, and its curvature at the lowest point is not typical: the estimate and
-its linearised intervals depend on the noise. So the others are fitted with :math:`\psi` fixed at points all
-over its bounds, and these fits are averaged with their weights
+The data may hardly determine a value :math:`\psi` (the damping of the contact in slow samples). Then the
+minimum of the sum of squares is long and curved, and its curvature at the lowest point is not typical: the
+estimate and its linearised intervals depend on the noise. So the others are fitted with :math:`\psi` fixed at
+points all over its bounds, and these fits are averaged with their weights
 
 .. math:: w_i \propto e^{-\chi^2_i / 2} \, |C_i|^{1/2} \, \Delta\psi_i,
 

@@ -14,9 +14,11 @@ if TYPE_CHECKING:
 
 
 def as_text(fit: Fit, level: float) -> str:
-    """Return a text table of values with units and intervals at this confidence level (0 to 1), followed by
-    goodness of fit, the end of the search, other minima, lack of fit, doubts, correlated residuals,
-    systematic errors, undetermined parameters and remarks."""
+    """Return a text table of values with units and intervals at the confidence `level` (0 to 1).
+
+    The table is followed by goodness of fit, the end of the search, other minima, lack of fit, doubts,
+    correlated residuals, systematic errors, undetermined parameters and remarks.
+    """
     intervals, errors = fit.confidence_intervals(level), fit.standard_errors
     wider = systematic_numbers(fit, level)
     more = ("with systematic errors",) if wider else ()

@@ -46,7 +46,7 @@ class Method:
 
     `size` is the number of components of the state, `stage` has the indices of the stage's positions, one for
     each mode. `clamped` is True if the end-effector is fixed to the stage, `kinematic` if the stage follows
-    the input exactly. `motion` is the matrix from the state to its rate of change without friction, `push`
+    the input exactly. `motion` is the matrix from the state to its rate of change without friction. `push` is
     the rate of change of the state per friction force, and `forces` the same for unit forces on stage and
     end-effector. `speed` times the state is the sliding velocity, stage minus end-effector.
 

@@ -58,9 +58,9 @@ def load_yaml(raw: bytes | str, source: str) -> Any:
         source: name of the text in errors, such as the path of its file.
 
     Raises:
-        GateError: the text is no YAML or not UTF-8, uses a missing feature (see the module), has more than
-            `MOST_BYTES` characters, is nested too deeply, has too many values or a number of too many digits,
-            or gives a key twice.
+        GateError: the text is no YAML or not UTF-8, uses a missing feature (see the module), or gives a key
+            twice; or it has more than `MOST_BYTES` characters, is nested too deeply, or has too many values
+            or a number of too many digits.
     """
     text = decoded(raw, source)
     if len(text) > MOST_BYTES:

@@ -90,7 +90,7 @@ class Renamed:
 
     def __init__(self, acts: Iterable[dict[str, Any]], names: Container[str]) -> None:
         self._names = names
-        # Of each earlier name: time [s since 1970] of each renaming and the run's present name, oldest first.
+        # Renamings by earlier name: time [s since 1970] of each and the run's present name, oldest first.
         self._later: dict[str, list[tuple[float, str]]] = {}
         for one in acts:
             if one["act"] == "renamed":

@@ -356,10 +356,10 @@ def motion(asked: DrivenActuator, sets: Sets) -> tuple[float, dict[str, Array]]:
 def told(asked: InformationRequest, sets: Sets) -> dict[str, Any]:
     """Predict the confidence intervals of the parameters from a recording with the drive of the request.
 
-    Keys: "duration" of the recording, `RECORDED` [s]; "parameters", a list with name, value in SI and unit of
-    each parameter, "half_width" (half the width of its interval over the value), and "default_half_width"
-    (the same for a sawtooth of 65 V, or less if the actuator takes less, at 5 Hz). A half width is None if
-    the recording does not identify the parameter, see `NOT_TOLD`.
+    Keys: "duration" of the recording, `RECORDED` [s]; "parameters", a list with a dictionary per parameter.
+    Its keys are "name", "value" and "unit" (SI), "half_width" (half the width of the interval over the value)
+    and "default_half_width". The latter is for a sawtooth of 65 V, or less if the actuator takes less, at
+    5 Hz. A half width is None if the recording does not identify the parameter, see `NOT_TOLD`.
     """
     model = asked.loaded(sets)
     has = {name for name, value in model.friction._asdict().items() if isinstance(value, float) and value > 0}

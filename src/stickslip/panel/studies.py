@@ -227,8 +227,8 @@ def _row(studies: Studies, files: list[str], name: str) -> dict[str, Any]:
 def _said(found: StudyState, runs: bool, fault: str) -> dict[str, Any]:
     """Return the state of a study as its page shows it.
 
-    Keys: "title", "share" (finished fraction of the tasks), "grows" (True if this panel runs the study, or
-    results came lately), "rows" (pairs of label and text), "said" (a sentence on the state), "wrong" (True if
+    Keys: "title"; "share" (finished fraction of the tasks); "grows" (True if this panel runs the study, or
+    results came lately); "rows" (pairs of label and text); "said" (a sentence on the state); "wrong" (True if
     the sentence is an error).
 
     Args:

@@ -6,10 +6,10 @@ packages are found by entry points, in the groups "stickslip.laws", "stickslip.w
 in a user's own file has the name ``path.py:Name``, and also the name ``Name`` once the file has been run
 (`use_file`).
 
-A user's file is run only if the user names the file, on the command line or in Python, or if an input file or
-a parameter set in the same folder or above names it. A file in another folder is run only if the user has
-allowed it (`use_file`), and no new file is run within `nothing_run`. Results, fits and recordings contain the
-name and the origin of each object; reading them never runs a user's file.
+A user's file is run only if it is named: by the user, on the command line or in Python, or by an input file
+or a parameter set in the same folder or above. A file in another folder is run only if the user has allowed
+it (`use_file`), and no new file is run within `nothing_run`. Results, fits and recordings contain the name
+and the origin of each object; reading them never runs a user's file.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Kind:
         return {**said, f"{self.noun}_of": place} if place else said
 
     def of_results(self, said: Any) -> Any:
-        """Return the object that results name, or the only one of that name elsewhere; run no user's file.
+        """Return the object that results name, or the only one of this name elsewhere; run no user's file.
 
         Args:
             said: mapping that contains the items which `written` returned.

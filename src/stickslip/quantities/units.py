@@ -339,7 +339,7 @@ def unit_for(model: Any, unit: str) -> str:
 
 
 def labelled_for(model: Any, made: Dataset) -> Dataset:
-    """Change the units and long names of a linear model's data set to those of a rotary model, in place.
+    """Change a linear model's data set in place: its units and long names become a rotary model's.
 
     The data set `made` is returned, unchanged if the model is linear.
     """

@@ -29,7 +29,7 @@ from .wire import receive, send
 
 UNANSWERED = "the rig does not answer: switch the amplifier off"
 KEPT = "the output may keep its voltage: switch the amplifier off"  # if the process ended during a run
-LATE = 1.0  # time without an answer to a stop after which people are asked to switch the amplifier off, s
+LATE = 1.0  # time without an answer to a stop until a warning says to switch the amplifier off, s
 _LAST = LONGEST_STOP + 10.0  # longest wait for the answer to a stop, s
 _ANSWER = 10.0  # longest wait for the answer to any other request, s
 _SILENT = 3.0  # shortest time that the process has to answer a request for samples, s

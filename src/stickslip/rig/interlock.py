@@ -203,8 +203,8 @@ class Interlock:
     def state(self) -> dict[str, Any]:
         """Return the state with its causes, as JSON data.
 
-        The keys are `state` ("fault", "withheld", "disarmed" or "armed"), `simulated`, `armed_by` (who, or
-        ""), `fault` (in words, or ""), `since` (local time of the fault, or "") and `permits` (fields of
+        The keys are `state` ("fault", "withheld", "disarmed" or "armed"); `simulated`; `armed_by` (who, or
+        ""); `fault` (in words, or ""); `since` (local time of the fault, or ""); and `permits` (fields of
         `Permit` by name of the permit).
         """
         with self._lock:

@@ -68,7 +68,7 @@ def measure(
 ) -> xr.Dataset:
     """Record one run, or the average of several. The output always ramps to 0 V, however the run ends.
 
-    If a run ends early, the error has an attribute `recording` with the samples of that run so far, or None.
+    If a run ends early, the error has an attribute `recording` with the samples of this run so far, or None.
     The recording's attribute `outcome` says why the run ended; it is "complete" for a whole recording.
 
     Args:

@@ -84,8 +84,8 @@ def plausibility_of(controller: object) -> Plausibility:
     """Return the thresholds that a controller has as its attribute `plausibility`.
 
     A controller without this attribute may have a nested one, as its attribute `controller` or `mover`,
-    whose thresholds are returned. If there are none, return the default `Plausibility()`, which needs no
-    model of the actuator.
+    whose thresholds are returned. If no thresholds are found, return the default `Plausibility()`, which
+    needs no model of the actuator.
     """
     one = controller
     for _ in range(_DEEPEST):  # limited, because a controller may contain itself

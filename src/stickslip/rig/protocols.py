@@ -163,9 +163,9 @@ def check_rate(controller: Any, rate: float) -> None:
 class Controller(Protocol):
     """Controller of a closed loop, in a simulation, on a virtual rig or on a device.
 
-    A controller needs only `step`. Optional attributes are `rate` (the update rate for which it is made, Hz),
-    `done` (True ends the run), `target` (its own target position, m or rad from home, which a rig then
-    records and checks instead of the `target` of `step`) and `plausibility` (thresholds for the position).
+    A controller needs only `step`. Optional attributes are `rate` (the update rate for which it is made, Hz);
+    `done` (True ends the run); `target` (its own target position, m or rad from home, which a rig then
+    records and checks instead of the `target` of `step`); and `plausibility` (thresholds for the position).
     Optional methods are `command` (for requests during a run) and `told` (returns JSON data for the
     statistics of a run).
     """

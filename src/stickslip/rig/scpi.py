@@ -200,7 +200,7 @@ class _VisaLine:
         return found
 
     def more(self) -> bytes:
-        """Return bytes that were received beyond the last answer; b"" if there are none."""
+        """Return bytes that were received beyond the last answer; b"" if there are no such bytes."""
         return self._rest
 
     def close(self) -> None:

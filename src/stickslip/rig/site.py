@@ -63,7 +63,7 @@ class InputPermit(NamedTuple):
     maximum: float | str | None = None
 
     def bounds(self, can: Capabilities) -> tuple[float, float]:
-        """Return the lower and the upper bound in the unit of the input, infinite where there is none.
+        """Return the lower and the upper bound in the unit of the input, infinite if not given.
 
         `can` are the capabilities of the rig, which state this unit.
 
@@ -268,7 +268,7 @@ def refreshed(rig: Any) -> None:
 
 
 def site_of(rig: str = "") -> Site:
-    """Return the site's limits and permits from its file; without a file there are none.
+    """Return the site's limits and permits from its file; empty without a file.
 
     Args:
         rig: name of the folder of the rig's process. Its own limits (the stricter ones count) and permits are

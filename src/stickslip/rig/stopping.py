@@ -2,12 +2,12 @@
 
 The states of a stop are:
 
-    asked       a stop is requested
-    preparing   the process was preparing a run, which will not start: the output is at 0 V
-    delivered   the rig's process has answered the request
-    ramping     the rig ramps to 0 V
-    ramped      the rig's ramp has ended (the amplifier has no monitor), or has failed (with an alarm)
-    measured    the ramp has ended, and the amplifier's monitor reads 0 V
+- asked: a stop is requested.
+- preparing: the process was preparing a run, which will not start: the output is at 0 V.
+- delivered: the rig's process has answered the request.
+- ramping: the rig ramps to 0 V.
+- ramped: the rig's ramp has ended (the amplifier has no monitor), or has failed (with an alarm).
+- measured: the ramp has ended, and the amplifier's monitor reads 0 V.
 
 The states "asked" and "delivered" may last `ANSWERS` s, "ramping" `RAMPED` s. After that the state of the
 output is unknown: an alarm asks people to switch the amplifier off, and the stop is still tried.
@@ -90,8 +90,8 @@ def _tried(folder: Path, why: str) -> tuple[str | None, float | None, str]:
     """Send one request for a stop to the process of a rig, then ask the process for its state.
 
     Returns:
-        The state of the stop, as the module lists them (None without an answer), the reading of the
-        amplifier's monitor [V] (None without one), and the failure of the stop in words ("" if it has not
+        The state of the stop, one of the module's states (None without an answer); the reading of the
+        amplifier's monitor [V] (None without one); and the failure of the stop in words ("" if it has not
         failed).
     """
     try:

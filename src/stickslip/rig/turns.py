@@ -20,7 +20,7 @@ from .limits import LimitError, Limits, beyond
 from .plausibility import Plausibility, Plausible, plausibility_of
 from .protocols import Array, Capabilities, Controller, RigError, StreamingRig, check_rate
 
-# Names of the inputs that the loop adds to those of its rig: position from home [m or rad], target [the
+# Names of the inputs that the loop adds to its rig's inputs: position from home [m or rad], target [the
 # same], and the voltage that the controller requests [V].
 AT, WANTED, ASKED = "loop.position", "loop.target", "loop.asked"
 OWN = (AT, WANTED, ASKED)

@@ -13,7 +13,7 @@ The requests::
     | open | device, see `description`; again: opened before | capabilities, told; or who holds the rig |
     | close | | the rig is at 0 V and free |
     | run | the fields of `order.Order`; the drive [V], or targets [m] for a closed loop | started |
-    | command | what: arguments for the controller of that loop | accepted, or refused |
+    | command | what: arguments for the controller of the closed loop | accepted, or refused |
     | fetch | wait [s] | phase, position, began [m, rad], ramp_after [s], loop; next samples [inputs, n] |
     | home_here | input, calibration, slew [V/s] | the present position is home |
     | beat | | noted: the operator's page is alive |

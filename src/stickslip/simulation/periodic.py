@@ -2,9 +2,9 @@ r"""Steady stepping: computation of the periodic orbit by shooting, instead of s
 
 In periodic motion all states except the position of the end-effector repeat from period to period, and that
 position advances by the net step. Let r be the state without the position, and G the map of r over one
-period; the orbit is r = G(r). It is found by Newton's method with difference quotients of G. If that does not
-reduce the defect G(r) - r (a static law makes G discontinuous, or the start is too far away), the map itself
-is iterated for some periods, as a simulation would do, and then Newton's method is tried again.
+period; the orbit is r = G(r). It is found by Newton's method with difference quotients of G. This may not
+reduce the defect G(r) - r (a static law makes G discontinuous, or the start is too far away). Then the map
+itself is iterated for some periods, as a simulation would do, and Newton's method is tried again.
 
 G is integrated coarsely at first, then more and more finely. Each refinement shows by how much it moves the
 orbit; the last move, once within the tolerance, is the error. Derivatives of a coarse integration are also

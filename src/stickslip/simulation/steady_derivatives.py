@@ -57,10 +57,10 @@ def steady_step_derivatives(
     The arguments are those of `steady_step`; `parameters` are names as for `sensitivities`, without those of
     the initial state.
 
-    With the periodic state r, the map G of one period and a parameter p, the orbit changes by dr = (I -
+    Let r be the periodic state, G the map of one period and p a parameter. The orbit changes by dr = (I -
     dG/dr)^-1 dG/dp, and the step by its own derivatives by r and p. As for `sensitivities`, they are computed
-    at a tenth of the tolerance and less until two agree within a hundredth, or until their difference, times
-    the value of the parameter, is below the tolerance. Otherwise a `SimulationWarning` names the parameter.
+    at a tenth of the tolerance and less, until two agree within a hundredth or their difference, times the
+    parameter's value, is below the tolerance. Otherwise a `SimulationWarning` names the parameter.
 
     Raises:
         QuantityError: see `steady_step` and `sensitivities`; a name of the initial state, or a frequency or

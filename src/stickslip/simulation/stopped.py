@@ -65,8 +65,8 @@ def refuse_end_stops(
 ) -> None:
     """Raise QuantityError for end stops with which the model cannot be simulated.
 
-    Reasons are stops in m for a rotary actuator or in rad for a linear model, an actuator with a clamped
-    end-effector or a law without bristles, an energy account, or a start outside the stops.
+    Reasons are stops in m for a rotary actuator or in rad for a linear model; an actuator with a clamped
+    end-effector or a law without bristles; an energy account; or a start outside the stops.
 
     Args:
         model: the actuator or pulled slider.
@@ -273,8 +273,8 @@ class StoppedRun:
         """Return the time [s] between `t` and `until` at which the position first passes a bound, and the
         bound (-1: `low`, 1: `high`, in m); None if it passes neither.
 
-        The state q, given for the time `t`, is replaced by the state at the time returned; unchanged if there
-        is none. If the position is outside from the start, q only gets the velocity 0."""
+        The state q, given for the time `t`, is replaced by the state at the time returned; for None, q is
+        unchanged. If the position is outside from the start, q only gets the velocity 0."""
         x, n = self.of.slider, self.free.states
         within = np.unique(t + (until - t) * 2.0 ** -np.arange(HALVINGS, -1.0, -1.0))
         rows = self._run(plant, q, (t, until), within[within > t])[1]

@@ -145,8 +145,8 @@ def merge_studies(
 
     Raises:
         StudyDiffers: the stores belong to different studies, or have tasks of different sizes.
-        StudyError: there are no stores, a folder is no store of a study, or a task is damaged and no other
-            store has it undamaged (the undamaged tasks are copied all the same), or `into` cannot be created.
+        StudyError: there are no stores, a folder is no store of a study, or `into` cannot be created; or a
+            task is damaged and no other store has it undamaged (the undamaged tasks are copied all the same).
         OSError: a task cannot be written.
     """
     sources = [Store(path) for path in stores]

@@ -32,9 +32,9 @@ class Study:
     Args:
         points: a `Grid`, a `Random` design, `Draws`, or several of them: all combinations.
         measure: computation for each member: `SteadySteps`, `WalksFromRest` or a function of your `Own`.
-        summary: a function of your own, or ``"FILE.py:NAME"``, that is given the dataset of some members (the
-            results of `measure`, with trajectories if requested, and the varied values)
-            and returns arrays [member] by name, or `xarray.DataArray` with units in their attributes.
+        summary: a function of your own, or ``"FILE.py:NAME"``. The function is given the dataset of some
+            members (the results of `measure`, with trajectories if requested, and the varied values). It
+            returns arrays [member] by name, or `xarray.DataArray` with units in their attributes.
         keep: names of the results to keep besides status and reason; by default all, except trajectories
             if there is a summary. The summary's own results are always kept.
         task: largest number of members per task. A worker computes one task at a time, and a crash loses

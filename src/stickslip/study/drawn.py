@@ -43,9 +43,9 @@ def drawn_parameters(
         seed: seed of the random numbers.
 
     Raises:
-        QuantityError: the source contains no parameter of the model, arrays have an unknown name or different
-            lengths or a wrong unit, a fit does not determine a parameter, the model has other values than the
-            fit, or the source is of another type.
+        QuantityError: the source is of another type or contains no parameter of the model; arrays have an
+            unknown name, different lengths or a wrong unit; a fit does not determine a parameter; or the
+            model has other values than the fit.
     """
     random = np.random.default_rng(seed)
     if isinstance(source, Posterior):

@@ -269,7 +269,7 @@ def identify_pulled_slider(
 
     Events do not distinguish damping from friction: a slip with a damping ratio zeta ends higher by exp(-pi
     zeta), but counts as undamped, so the excess is found low by about pi/2 zeta of itself (8 % at 0.05). The
-    middle of top and bottom rises with the bottom, so the dynamic coefficient is found high, by about pi/2
+    middle of top and bottom rises with the bottom. So the dynamic coefficient is found high, by about pi/2
     zeta of the excess (2.5 % of itself at 0.05, where the excess is a third of it). The intervals contain
     neither error.
 

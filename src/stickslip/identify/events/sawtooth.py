@@ -38,15 +38,15 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
         observed: name of the position channel.
 
     Returns:
-        Over "slip": `slip_time` [s], `walk_number` (from 0), `peak` and `valley` [m], `up_step` (from the
-        valley before to the peak) and `down_step` (peak to valley), both [m], positive along the walk, NaN
-        where the slow motion is too short or, for up_step, no slip is before. Over "walk": `direction`
-        (1 forward, -1 backward), `n_slips`, `missing` (periods without a slip), `start` [s] of the first
-        period, `bias` [m], the position before it, `period` [s]; and, NaN with fewer than two known peaks:
-        `up` and `down` [m], a and b of [kang2007] (a - b is the mean difference of peaks, N a - (N-1) b the
-        last peak relative to the bias; for a walk that starts with a jump, medians of up_step and
-        down_step); `net_step` [m], the mean step of the process that made the walk, with its standard
-        error `net_step_error`, from noise of the positions and scatter of the steps, and the degrees of
+        Over "slip": `slip_time` [s], `walk_number` (from 0), `peak` and `valley` [m], `up_step` (previous
+        `valley` to `peak`) and `down_step` (`peak` to `valley`), both [m], positive along the walk. The last
+        four are NaN where the slow motion is too short, `up_step` also without a slip one period before.
+        Over "walk": `direction` (1 forward, -1 backward), `n_slips`, `missing` (periods without a slip),
+        `start` [s] of the first period, `bias` [m], the position before it, `period` [s]; and, NaN with fewer
+        than two known peaks: `up` and `down` [m], a and b of [kang2007] (a - b is the mean difference of
+        peaks, N a - (N-1) b the last peak relative to the bias; for a walk that starts with a jump, medians
+        of up_step and down_step); `net_step` [m], the mean step of the process that made the walk; its
+        standard error `net_step_error`, from noise of the positions and scatter of the steps; the degrees of
         freedom of Student's t for it, `net_step_freedom`; `scatter` [m] of the net steps, their `drift`
         [m per slip]; `jitter` [s] of the period. Up, down, net step and drift are positive along the walk,
         also backwards. Over "frequency" [Hz]: `spectrum` [m] of the

@@ -129,8 +129,8 @@ def predict_response(
         QuantityError: the sample rate is not a frequency, or the amplitude has another dimension than the
             drive.
         RecordingError: the drive_voltage of a recording is missing, too short, not finite or in a wrong unit.
-        FitError: the drive's shape does not fit, the sample rate of an array is missing, the amplitude is 0,
-            as for a constant drive, or a recording is given and the model's drive is not a voltage.
+        FitError: the drive's shape does not fit, the sample rate of an array is missing, or the amplitude is
+            0, as for a constant drive; or a recording is given and the model's drive is not a voltage.
 
     Warns:
         RecordingWarning: an amplitude is outside the range that the model was fitted to.

@@ -191,7 +191,7 @@ def _with_deviation(response: xr.Dataset, noise_known: bool) -> tuple[xr.Dataset
 
 
 def _unseen(fit: Fit, response: xr.Dataset, kind: ModalForm) -> tuple[str, ...]:
-    """Return a tuple with one sentence on the modes of a fit that may be noise; empty if there are none.
+    """Return a tuple with one sentence on the modes of a fit that may be noise; empty without such modes.
 
     Raises:
         FitError: all of them may be noise.

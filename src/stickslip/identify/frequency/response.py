@@ -75,7 +75,7 @@ def frequency_response(
     Returns:
         A dataset at the excited frequencies [Hz], in SI units. Over "frequency", "output" and "input"
         (numbers from 1): `response`, complex; `deviation`, its standard deviation by noise and nonlinear
-        distortion, from the realisations in excess of the number of inputs (if there are none: by noise
+        distortion, from the realisations in excess of the number of inputs (without any in excess: by noise
         alone); and `noise_deviation`, the standard deviation by noise alone, from the periods. Each deviation
         is sqrt(E|error|^2), in the unit of the response, and NaN without the repetitions that it needs. Over
         "frequency" and "output": `coherence`, the share of the power that is explained, 0 to 1; NaN if both

@@ -142,7 +142,7 @@ def response_of(
 
 def _within(law: Any, error: float, tolerance: float) -> float:
     """Return the tolerance of the deflections of a law's elements, m (rad): `tolerance`, or less if a
-    deflection of that size changes the force of the stiffest element by more than `error` [N]."""
+    deflection of `tolerance` changes the force of the stiffest element by more than `error` [N]."""
     stiffest = 0.0
     for one in (element(law, e) for e in range(elements(law))):
         stiffest = max(stiffest, (rate(one, 0.0, tolerance)[0] - rate(one, 0.0, 0.0)[0]) / tolerance)

@@ -52,7 +52,7 @@ NOT_LATE = Lateness(
     Edges((), ()),
 )
 # A recording is not explained if its rms residual exceeds MANY times its white noise and the share TOO_LITTLE
-# of the standard deviation of its positions. A straight line leaves 10 to 15 % of that, fits of stacks 1 %.
+# of the standard deviation of its positions. A straight line leaves 10 to 15 %, fits of stacks 1 %.
 MANY, TOO_LITTLE = 3.0, 0.05
 LATE = 0.1  # smallest relative reduction of the held-out residual by a lag that no edge of the drive shows
 MOVED = 0.01  # smallest change of the drive from its first value that is a motion, relative to its range

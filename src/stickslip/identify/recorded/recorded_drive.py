@@ -1,8 +1,8 @@
 """Drive between its samples, from a recorded voltage: smooth except for jumps and kinks.
 
-Fitted friction depends on the drive between its samples. For a simulated walk, sampled at 1 kHz, with a
-bristle stiffness of 1.40e6 N/m, the fit found 0.62e6 N/m if the jumps of a 5 Hz sawtooth were spread over one
-interval, and 0.84e6 N/m if a 20 Hz triangle lost its corners.
+Fitted friction depends on the drive between its samples. Walks with a bristle stiffness of 1.40e6 N/m were
+simulated and sampled at 1 kHz. Their fits found 0.62e6 N/m if the jumps of a 5 Hz sawtooth were spread over
+one interval, and 0.84e6 N/m if a 20 Hz triangle lost its corners.
 """
 
 from __future__ import annotations

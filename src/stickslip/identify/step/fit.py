@@ -377,7 +377,7 @@ def step_formula_errors(
             moved = np.roll(noise - noise.mean(), int(random.integers(noise.size))) if noisy else 0.0
             try:
                 rows.append(classical(test._replace(position=x + moved), one))
-            except RecordingError:  # noise makes a peak where there is none
+            except RecordingError:  # the noise hides the rise or makes a false peak
                 return [np.nan] * len(STAGE_PARAMETERS)
         mean = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
         return [*second_order(mean["overshoot"], mean["peak_time"]), mean["gain"]]

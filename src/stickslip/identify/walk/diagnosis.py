@@ -184,7 +184,7 @@ def _advice(fit: Fit, walks: Walks, terms: Sequence[Scored], reacting: Fit | Non
     reacting = reacting or with_reaction(fit, walks, EVALUATIONS)
     if reacting is not None:
         tried.append(Tried(REACTION, walks.completed(reacting), change={"stage_reaction": True}))
-    for search in (None, afar):  # None: fit from the present values; then from distant initial guesses
+    for search in (None, afar):  # fit from the present values (None), then from distant initial guesses
         for one in terms if search is None else _from_afar(fit, terms):
             explained = any(other.explains for other in tried)
             if spent() > SECONDS or (explained and (search or len(tried) >= FEWEST_FITTED)):

@@ -62,7 +62,7 @@ def freed(
     Args:
         searched: function that takes names of parameters and fits them from distant initial guesses.
         near: function that takes names of parameters and a fit with more parameters, and fits the named ones,
-            starting from the minima of that fit.
+            starting from the minima of the given fit.
         walks: recordings to describe.
         free: names of the other free parameters.
         taken: names that are free or tied already.

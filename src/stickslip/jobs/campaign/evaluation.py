@@ -66,7 +66,7 @@ class CampaignResult(NamedTuple):
             without any of these, or for a law without derivatives.
         budget: error budget of the friction parameters.
         walks: recordings of `verification`, in its order.
-        features: features of each walk, found without a model, by name; a text says why there are none.
+        features: features of each walk, found without a model, by name; or the reason of their lack, a text.
         chain: signal chain from the model's position to the position channel.
         verification: prediction of all walks, those of the fit and the others.
         everything: fits to all walks; they show whether one set of values explains all of them.

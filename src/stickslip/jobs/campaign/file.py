@@ -68,7 +68,7 @@ RecordingSpec = Annotated[
 class CampaignFile(NamedModel, arguments_of(identify_friction, "tied", "hops", noise=float | str)):
     """Content of a campaign file.
 
-    Fields in addition to those of the model and of `identify_friction`:
+    Fields in addition to the fields of the model and of `identify_friction`:
 
     - `experiment`: an experiment file that is recorded first.
     - `free`, `bounds`, `priors`: free parameters of the fit, with bounds, and the mean and standard deviation

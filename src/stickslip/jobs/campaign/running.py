@@ -70,7 +70,7 @@ def campaign_of(
         out: output folder.
         progress: called with the current activity and the finished fraction, from 0 to 1.
         experiment: if the file names no experiment, the experiment whose recordings the entries `cells` of
-            the file select, and the folder of its relative paths; None: there is none.
+            the file select, and the folder of its relative paths; None: no experiment.
         figures: True to draw the figures of the report.
     """
     if file.experiment is not None:

@@ -121,9 +121,9 @@ def compare_contacts(
         The comparison; its `report` is a text.
 
     Raises:
-        QuantityError: fewer than two fits, a condition with wrong values or another count, conditions that do
-            not differ, or vary together so that their effects cannot be separated, a parameter that a fit
-            does not have, or no parameter that can be compared.
+        QuantityError: fewer than two fits; a condition with wrong values or another count; conditions that do
+            not differ, or vary together so that their effects cannot be separated; a parameter that a fit
+            does not have; or no parameter that can be compared.
     """
     import xarray as xr
 

@@ -3,8 +3,8 @@ r"""Persson's theory: stiffness and real area of self-affine rough surfaces [per
 .. math:: k_n = \frac{P}{u_0}, \qquad u_0 = \gamma\, h_{rms}, \qquad
           \frac{A_r}{A_0} = \operatorname{erf} \frac{\sqrt 2\, p}{E^* h'_{rms}}, \qquad p = \frac{P}{A_0}
 
-k_n is the normal stiffness at the load P, u_0 the decay length, h_rms and h'_rms the rms height and slope of
-the roughness, A_r the real and A_0 the nominal area, and E* the reduced modulus.
+k_n is the normal stiffness at the load P, and u_0 the decay length. h_rms and h'_rms are the rms height and
+slope of the roughness, A_r the real and A_0 the nominal area, and E* the reduced modulus.
 
 Stiffness is proportional to load, because the real area grows and the pressure in it does not. γ depends on
 the spectrum: 0.46 within a factor of 1.2 in a half-space solution of 8 surfaces (docs/contact.md; Hurst

@@ -61,7 +61,7 @@ def without_sign(line: str) -> str:
 
 
 class Signs(NamedTuple):
-    """Rules for fields of numbers: the `decimal` sign, and the texts that stand for `missing` numbers."""
+    """Rules for fields of numbers: the `decimal` sign, and the texts that mark `missing` numbers."""
 
     decimal: str
     missing: frozenset[str] = MISSING

@@ -59,7 +59,7 @@ class TextLayout(NamedTuple):
     line_bytes: float  # mean length of a line in bytes
     channels: tuple[FileChannel, ...]
     kinds: str  # kind of each column: "n" numbers, "d" dates, "s" text, "e" always empty
-    missing: frozenset[str] = MISSING  # texts that stand for missing numbers
+    missing: frozenset[str] = MISSING  # texts that mark missing numbers
     fortran: bool = False  # True: numbers are written as in Fortran, "1.0D-03"
     # Clocks that the header describes, by the index of the channel that gets the times computed from them: a
     # blank column of the file, its column of sample numbers, or a new channel after the last column.

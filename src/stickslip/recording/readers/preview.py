@@ -91,9 +91,11 @@ def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
 
 
 def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
-    """Change the guessed name of a position column (see `look`) in place to "position", as on a tribometer,
-    if there is a friction force and no drive voltage, and the column's name does not mean the actuator's
-    slider."""
+    """Change the guessed name of a position column (see `look`) in place to "position", as on a tribometer.
+
+    This requires a friction force, no drive voltage and no other column guessed as "position", and a column
+    name that does not mean the actuator's slider.
+    """
     by_guess = {one["guess"]: one for one in columns}
     if "friction_force" not in by_guess or "position" in by_guess or _DRIVES & by_guess.keys():
         return

@@ -16,9 +16,9 @@ _MANY = 1000  # number of steps for which the drift is stated
 def step_law_document(law: StepLaw) -> Document:
     """Return a document on the steps of a motor, from a result of `fit_steps`.
 
-    It has the step sizes [m] by voltage and direction, the threshold voltages at which steps start (if two or
-    more voltages make steps), the scatter of single steps, the drift over `_MANY` steps, and the loss at a
-    change of direction.
+    The document has the step sizes [m] by voltage and direction, the scatter of single steps, the drift over
+    `_MANY` steps, and the loss at a change of direction. If two or more voltages make steps, it also has the
+    threshold voltages at which steps start.
     """
     most = law.voltages[-1]
     up, down = law.size(most, 1), law.size(most, -1)
