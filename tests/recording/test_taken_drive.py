@@ -134,3 +134,16 @@ def test_a_channel_of_anything_is_answered(seed: int) -> None:
     taken = taken_drive(ss.make_recording(time, {"drive_voltage": (volts, "V")}), slew_rate=1e3)
     assert taken is None or taken.said()
     assert taken is None or count < 20 or not taken.whole
+
+
+@pytest.mark.parametrize(("kind", "rest"), [(ss.Sawtooth, 0.0), (ss.Sawtooth, 0.1), (ReverseSawtooth, 0.1)])
+def test_a_recording_may_end_one_sample_after_the_last_jump(kind: Any, rest: float) -> None:
+    drive = kind(75.0, 20.0, periods=8)
+    last = round((rest + 0.4) * 4e3)
+    for count in range(last - 1, last + 4):  # of samples; `last + 1` ends with the jump
+        time = np.arange(count) / 4e3
+        waveform = Sequence(Rest(rest), drive) if rest else drive
+        taken = taken_drive(ss.make_recording(time, {"drive_voltage": (waveform.value(time), "V")}))
+        assert taken is not None
+        assert taken.whole, (count, taken.said())
+        assert taken.waveform == drive

@@ -119,6 +119,8 @@ def shown_drive(recording: xr.Dataset) -> RecognisedDrive | None:
     start = float(recording["time"].values[0])
     begins = drive_begins(recording)
     whole = recording["time"].values - start, recording["drive_voltage"].values
+    count = without_last_jump(whole[1])
+    whole = whole[0][:count], whole[1][:count]
     since, volts = (one[:: -(-one.size // MOST_FITTED)] for one in whole)
     begins = 0.0 if begins is None else begins - start
     rest = float(np.mean(volts[since <= begins]))
@@ -151,6 +153,12 @@ def flow(drive: Drive) -> str:
     fields = {name: getattr(drive, name) for name in units if name in drive._fields}
     said = {name: f"{value:g}{units[name]}" for name, value in fields.items() if value}
     return f"{{shape: {type(drive).__name__}, fields: {{{', '.join(f'{k}: {v}' for k, v in said.items())}}}}}"
+
+
+def without_last_jump(volts: Array) -> int:
+    """Return the number of samples [n], or one less if the channel jumps before its last sample: that sample
+    alone does not show where the jump is."""
+    return volts.size - int(abs(volts[-1] - volts[-2]) > 0.2 * np.ptp(volts))
 
 
 def off_jumps(shape: Array) -> NDArray[np.bool_]:

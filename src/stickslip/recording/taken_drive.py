@@ -20,7 +20,7 @@ from ..waveform.signal import Waveform
 from ..waveform.slewed import Slewed
 from .drive import named_drive
 from .noise import noise_level
-from .shown_drive import best_begin, off_jumps, shown_drive
+from .shown_drive import best_begin, off_jumps, shown_drive, without_last_jump
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -156,6 +156,7 @@ def _judged(
         begin = float(time[0]) + best_begin(time - time[0], u, driven)[0]
     own = evaluate(driven.drive(max(float(time[-1]) - begin, 1e-12)), time - begin)[0]
     near = off_jumps(own)
+    near[without_last_jump(u) :] = False
     # Leave out the flanks, where a time error below one sample changes the voltage by many volts.
     if slew_rate is not None:
         slow = np.abs(np.gradient(own, time)) < 0.5 * slew_rate
