@@ -90,6 +90,8 @@ class Runner:
         self._delivered = 0.0  # time until the rig's process confirmed the stop, s
         self._telling = threading.RLock()  # guards `state`: the run and requests change it
         self._thread: threading.Thread | None = None
+        # Reason and time of a stop: as sent to the rig's process at once, and as known to pages.
+        self._sent: tuple[str, float] | None = None
         self._stop: tuple[str, float] | None = None
         self._told = 0.0
         self._busy = False
@@ -118,7 +120,7 @@ class Runner:
         with self._telling:
             if self.busy:
                 raise RigError("a run is going on: stop it first")
-            self._stop, self._busy = None, True
+            self._sent, self._stop, self._busy = None, None, True
             self._moved, self._volts = False, 0.0
             self._thread = threading.Thread(target=self._run, args=(job, asking()), name="rig", daemon=False)
             number = self.state["number"] + 1
@@ -138,6 +140,7 @@ class Runner:
         asked, stopper = time.perf_counter(), self._stopper
         told = stopper is not None and self._busy and self._stop is None
         if stopper is not None and told:  # the stop is sent first: what follows is slower
+            self._sent = why, asked
             with suppress(RigError):
                 stopper.tell_stop(why)
                 threading.Thread(target=self._halt, args=(stopper, asked), daemon=True).start()
@@ -367,14 +370,12 @@ class Runner:
 
         def stopping() -> None:
             after = getattr(rig, "ramp_after", None)
-            if self._stop is not None:
-                if after is None or not self._live.begun:
-                    self._journal(f"{self._stop[0]}: before anything was put out", "warning")
-                else:
+            if sent := self._stop or self._sent:
+                said = "before anything was put out"
+                if after is not None and self._live.begun:
                     waited = 1e3 * (after + self._delivered)
-                    self._journal(
-                        f"{self._stop[0]}: ramp to 0 V began {waited:.1f} ms after the request", "warning"
-                    )
+                    said = f"ramp to 0 V began {waited:.1f} ms after the request"
+                self._journal(f"{sent[0]}: {said}", "warning")
 
         return WatchedRig(rig, cell.channels, armed, sees, stopping)
 
