@@ -215,15 +215,19 @@ def test_control_is_held_by_one_page_and_handed_over() -> None:
         control.need("")
 
 
-@pytest.mark.parametrize("take", ["need", "ask"])
-def test_control_of_a_lost_page_ends_what_it_had_armed_however_it_is_taken(take: str) -> None:
+def test_only_the_watch_takes_control_from_a_lost_page_and_ends_what_that_had_armed() -> None:
     now, ended = 0.0, list[str]()
     control = Control(Listening(), clock=lambda: now)
     control.gone.append(lambda: ended.append(control.holder))
     control.need("first")  # which is not connected
     control.ask("")  # a page without a secret asks for nothing
     now = 20.0
-    getattr(control, take)("second")
+    with pytest.raises(ControlError):
+        control.need("second")
+    control.ask("second")
+    assert ended == []
+    control.watch()
     assert ended == ["second"]
     control.need("second")
+    control.watch()
     assert ended == ["second"]

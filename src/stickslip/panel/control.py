@@ -30,8 +30,8 @@ class Control:
     Attributes:
         holder: secret of the page in control, "" if no page has control.
         asking: secret of the page that asks for control, "" if no page does.
-        gone: functions without arguments, called when control is taken from a page that lost its connection
-            and did not come back within `PATIENCE`.
+        gone: functions without arguments, called by `watch` when the page in control lost its connection and
+            did not come back within `PATIENCE`.
     """
 
     def __init__(self, hub: Hub, clock: Callable[[], float] = time.monotonic) -> None:
@@ -50,13 +50,12 @@ class Control:
         The state is then sent to all pages, so that the page in control can show the request. A request of
         the page in control changes nothing.
         """
-        lost = False
         with self._lock:
-            if not self._free():
+            if self.holder:
                 self.asking = identity if identity not in ("", self.holder) else self.asking
             elif identity:
-                lost = self._give(identity)
-        self._changed(lost)
+                self._give(identity)
+        self._hub.send(self._message())
 
     def hand_over(self, client: Client) -> None:
         """Give control to the page that asked for it, or to no page if none asked.
@@ -82,31 +81,22 @@ class Control:
                 raise ControlError("a request must say in X-Client who makes it")
             if self.holder == identity:
                 return
-            if not self._free():
+            if self.holder:
                 raise ControlError("another page controls the rig: ask it for control, at the top")
-            lost = self._give(identity)
-        self._changed(lost)
-
-    def _give(self, identity: str) -> bool:
-        """Give control to a page, to no page for ""; return True if another page had it."""
-        had = self.holder not in ("", identity)
-        self.holder, self.asking, self._seen = identity, "", self._clock()
-        return had
-
-    def _changed(self, lost: bool) -> None:
-        """Send the state to all pages; call the functions in `gone` if the page in control was lost."""
+            self._give(identity)
         self._hub.send(self._message())
-        for act in self.gone if lost else ():
-            act()
 
-    def _free(self) -> bool:
-        """Return True if nobody has control, or if its page has been lost for `PATIENCE` seconds.
+    def _give(self, identity: str) -> None:
+        self.holder, self.asking, self._seen = identity, "", self._clock()
+
+    def _lost(self) -> bool:
+        """Return True if a page has control and has had no connection for `PATIENCE` seconds.
 
         Also note the time at which the page in control was last connected.
         """
         if any(client.identity == self.holder for client in self._hub.clients):
             self._seen = self._clock()
-        return not self.holder or self._clock() - self._seen > PATIENCE
+        return self.holder != "" and self._clock() - self._seen > PATIENCE
 
     def watch(self) -> None:
         """Take control from a page that has had no connection for `PATIENCE` seconds. Called once a second.
@@ -114,10 +104,12 @@ class Control:
         Control goes to the page that asked for it, or to no page; then the functions in `gone` are called.
         """
         with self._lock:
-            if not self.holder or not self._free():
+            if not self._lost():
                 return
-            lost = self._give(self.asking)
-        self._changed(lost)
+            self._give(self.asking)
+        self._hub.send(self._message())
+        for act in self.gone:
+            act()
 
     def _message(self) -> Message:
         return json.dumps({"kind": "control", "holder": shown(self.holder), "asking": shown(self.asking)})

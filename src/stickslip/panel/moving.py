@@ -388,13 +388,12 @@ class Moves:
     def _left(self) -> None:
         """Release the loop when the page in control is lost, in a thread: the event loop must not wait."""
         if self._rig is not None:
-            threading.Thread(target=self._let_go, daemon=True).start()
+            threading.Thread(target=self._let_go, args=(self._rig,), daemon=True).start()
 
-    def _let_go(self) -> None:
+    def _let_go(self, rig: HostedRig) -> None:
         self._journal("Move: who was in control has left: the output goes to 0 V", "warning")
-        rig = self._rig
         try:
-            if rig is not None:
-                rig.command(do="release")
+            rig.command(do="release")
         except (RigError, ValueError):
-            self._runner.stop("who was in control has left")
+            if self._rig is rig:  # the loop that the next page has started goes on
+                self._runner.stop("who was in control has left")
