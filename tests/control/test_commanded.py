@@ -275,3 +275,17 @@ def test_the_response_to_a_jump_is_that_of_the_loop() -> None:
         x = loop.a @ x + loop.b * made.step(float(expected[k]), 1.0, k)
     np.testing.assert_allclose(found, expected, atol=1e-9)
     assert expected[-1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_target_goes_along_with_steps_from_a_held_position(spec) -> None:
+    """A target that stood still while the steps lead away from it would be taken for a fault of the sensor."""
+    jog = [(0.3 + 0.05 * k, {"do": "jog", "way": -1}) for k in range(15)]
+    told = Told(spec.made(), [(0.01, {"do": "go", "to": 20e-6}), *jog])
+    found = simulate_control(KANG, told, 0.0, 1.6, rate=RATE)
+    x = found["end_effector_position"].values
+    count = min(x.size, len(told.ticks))
+    target = np.array([one["target"] for one in told.ticks[:count]])
+    assert np.ptp(x) > 150e-6
+    assert np.max(np.abs(x[:count] - target)[round(0.25 * RATE) :]) < 15e-6
+    assert target[-1] == pytest.approx(x[count - 1], abs=50e-9)
+    assert told.made.mover.phase == "hold"

@@ -193,7 +193,9 @@ class Commanded:
             return 0.0
         wanted = mover.goal if self._wanted is None else self._wanted
         self._last = self._shaped.step(measured, wanted, tick)
-        self.target = mover.goal if math.isfinite(mover.goal) else measured
+        # While steps are made, no target stands still: the plausibility check would take them for a fault.
+        goes = mover.jogging or mover.steps_wanted or not math.isfinite(mover.goal)
+        self.target = measured if goes else mover.goal
         return self._last
 
     def _scanning(self, middle: float, half: float, hertz: float, ticks: int) -> float:
