@@ -278,7 +278,7 @@ def test_the_response_to_a_jump_is_that_of_the_loop() -> None:
 
 
 def test_the_target_goes_along_with_steps_from_a_held_position(spec) -> None:
-    """A target that stood still while the steps lead away from it would be taken for a fault of the sensor."""
+    """A target that stood still while the steps lead away from it would seem to be a fault of the sensor."""
     jog = [(0.3 + 0.05 * k, {"do": "jog", "way": -1}) for k in range(15)]
     told = Told(spec.made(), [(0.01, {"do": "go", "to": 20e-6}), *jog])
     found = simulate_control(KANG, told, 0.0, 1.6, rate=RATE)
