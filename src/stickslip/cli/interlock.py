@@ -73,7 +73,7 @@ def _place(file: Path) -> Path:
     place = rigs_of(read_experiment(file), virtual, file.parent)
     if place == virtual:
         raise ValueError(
-            f"{file}: a virtual rig of a file is made anew for each command; name a panel's folder"
+            f"{file}: a virtual rig of a file is created again for each command; name a panel's folder"
         )
     return place
 

@@ -159,7 +159,8 @@ def _made(file: StepsFile, folder: Path, progress: Progress, keep: Path | None) 
         shows, axis = motor, file.axis
         if file.sensor is not None:
             shows, axis = file.sensor.made(folder), file.sensor_axis
-            closing.callback(getattr(shows, "close", _nothing))
+            if hasattr(shows, "close"):  # a user's own sensor needs only its `position`
+                closing.callback(shows.close)
         elif not motor.ranges.sensor:
             raise AnalysisError(
                 f'steps: {motor.ranges.name} has no sensor: name one, sensor: {{kind: "my_camera.py:Camera"}}'
@@ -173,7 +174,3 @@ def _made(file: StepsFile, folder: Path, progress: Progress, keep: Path | None) 
             progress=progress,
             keep=keep,
         )
-
-
-def _nothing() -> None:
-    """Close a user's own sensor that needs no closing: only its `position` is required."""
